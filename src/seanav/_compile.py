@@ -1,0 +1,35 @@
+"""How this package compiles its kernels: one decorator, one cache."""
+
+import hashlib
+from pathlib import Path
+
+import numba
+
+_PACKAGE = Path(__file__).resolve().parent
+_CHECKOUT = _PACKAGE.parent.parent
+
+
+def _sources_digest() -> str:
+    # numba's own cache looks only at the file that holds a kernel, so a kernel goes
+    # stale when a function it calls changes elsewhere. Kernels live in these two
+    # folders only, so a hash of both is a key that cannot go stale.
+    digest = hashlib.sha256()
+    for folder in ("models", "filters"):
+        for path in sorted((_PACKAGE / folder).rglob("*.py")):
+            digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+# An installed copy has no checkout to write into: numba's default place serves there.
+if (_CHECKOUT / "pyproject.toml").is_file():
+    numba.config.CACHE_DIR = str(_CHECKOUT / "build" / "numba" / _sources_digest())
+
+
+def kernel(function):
+    """Compile `function` for loops over arrays, the same bits on every machine.
+
+    No ``fastmath`` and no BLAS call: the order of every addition is the one written.
+    The interpreter lock is released, so `seanav.montecarlo.parallel_map` can run
+    batches in threads. Division by zero follows IEEE 754.
+    """
+    return numba.njit(cache=True, nogil=True, error_model="numpy")(function)

@@ -1,0 +1,1 @@
+"""What an estimator does: filters, matchers and planners; arrays in, arrays out."""

@@ -1,0 +1,1 @@
+"""What the world does: earth, vehicles, currents, inertial sensors, gravity."""

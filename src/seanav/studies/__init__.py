@@ -1,0 +1,1 @@
+"""One module per paper: its scenario, its Monte-Carlo run, its scores."""
