@@ -1,0 +1,129 @@
+"""The drawings of paper 5; each function returns a matplotlib figure and computes nothing new."""
+
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.patches import Circle
+
+from seanav.studies.gravity_planning import KM, MGAL
+
+MARKERS = "osv^<>DPXd*"
+
+
+def style(name, index):
+    """Return the line style of a path: planned and direct stand out, bows differ in grey too."""
+    if name == "Planned":
+        return {"color": "black", "linewidth": 2.4, "zorder": 5}
+    if name == "Direct":
+        return {"color": "0.45", "linewidth": 2.0, "linestyle": "--", "zorder": 4}
+    return {
+        "color": plt.cm.viridis(index / 12),
+        "linewidth": 1.1,
+        "marker": MARKERS[index % len(MARKERS)],
+        "markevery": (7 + 2 * index, 24),
+        "markersize": 5,
+    }
+
+
+def hidden_markov():
+    """Draw the hidden Markov model of gravity-aided navigation."""
+    fig, ax = plt.subplots(figsize=(7.0, 2.9))
+    steps = ("t-1", "t", "t+1")
+    arrow = {"arrowstyle": "-|>", "color": "black", "shrinkA": 19, "shrinkB": 19}
+    for column, step in enumerate(steps):
+        for row, letter in ((1.0, "x"), (0.0, "y")):
+            face = "white" if letter == "x" else "0.85"
+            ax.add_patch(Circle((1.6 * column, row), 0.27, facecolor=face, edgecolor="black"))
+            ax.text(1.6 * column, row, f"${letter}_{{{step}}}$", ha="center", va="center")
+        ax.annotate("", (1.6 * column, 0.0), (1.6 * column, 1.0), arrowprops=arrow)
+        ax.text(1.6 * column + 0.08, 0.5, r"$h(x)+w$", va="center")
+    for begin in np.arange(-1, 3) * 1.6:
+        ax.annotate("", (begin + 1.6, 1.0), (begin, 1.0), arrowprops=arrow)
+        ax.text(begin + 0.8, 1.1, r"$+u+v$", ha="center")
+    ax.text(-1.55, 1.0, "hidden position", va="center", ha="right")
+    ax.text(-1.55, 0.0, "gravity reading", va="center", ha="right")
+    ax.set(xlim=(-3.4, 4.9), ylim=(-0.4, 1.45), aspect="equal")
+    ax.axis("off")
+    return fig
+
+
+def _field(ax, chart, field, label, levels):
+    north, east = (np.arange(count) * chart.spacing / KM for count in field.shape)
+    shades = ax.contourf(east, north, field, levels, cmap="Greys", alpha=0.75)
+    ax.contour(east, north, field, levels, colors="0.35", linewidths=0.4)
+    ax.figure.colorbar(shades, ax=ax, label=label)
+    ax.set(xlabel="east (km)", ylabel="north (km)", aspect="equal")
+
+
+def _mark(ax, points_km):
+    for name, (east, north) in points_km.items():
+        ax.plot(east, north, "o", color="white", markeredgecolor="black", zorder=7)
+        ax.annotate(
+            name,
+            (east, north),
+            (5, 5),
+            textcoords="offset points",
+            zorder=7,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 1},
+        )
+
+
+def anomaly_map(chart, points_km):
+    """Draw the map with its starts and goal."""
+    fig, ax = plt.subplots(figsize=(6.6, 5.4))
+    _field(ax, chart, chart.anomaly / MGAL, "gravity anomaly (mGal)", 16)
+    _mark(ax, points_km)
+    return fig
+
+
+def paths(chart, information, curves, points_km):
+    """Draw the information map with every path; `information` in 1/km."""
+    fig, ax = plt.subplots(figsize=(7.4, 5.8))
+    _field(ax, chart, information, r"information $M$ (1/km)", 12)
+    for index, (name, points) in enumerate(curves.items()):
+        ax.plot(*(points.T / KM), label=name, **style(name, index))
+    _mark(ax, points_km)
+    ax.legend(loc="center left", bbox_to_anchor=(1.24, 0.5), frameon=False)
+    return fig
+
+
+def rmse_curves(scores, level):
+    """Draw the RMSE along every path, with the 95 % band of the planned one."""
+    fig, ax = plt.subplots(figsize=(7.4, 4.6))
+    for index, (name, row) in enumerate(scores.items()):
+        one = row[level]
+        along = np.linspace(0.0, one.length / KM, len(one.rmse))
+        ax.plot(along, one.rmse / KM, label=name, **style(name, index))
+        if name in ("Planned", "Direct"):
+            low, high = one.band()
+            ax.fill_between(along, low / KM, high / KM, color="0.5", alpha=0.35, linewidth=0)
+    planned = scores["Planned"][level]
+    along = np.linspace(0.0, planned.length / KM, len(planned.rmse))
+    ax.plot(along, planned.bound / KM, ":", color="black", label="PCRB, planned")
+    ax.set(xlabel="distance along the path (km)", ylabel="RMSE (km)", yscale="log")
+    ax.legend(ncols=2, frameon=False, fontsize="small")
+    return fig
+
+
+def sums(scores, level):
+    """Draw the sums of RMSE with their 95 % intervals, and the PCRB's sum beside each."""
+    fig, ax = plt.subplots(figsize=(7.4, 3.8))
+    for index, (name, row) in enumerate(scores.items()):
+        total = row[level].total
+        shade = {"Planned": "black", "Direct": "0.45"}.get(name, "0.75")
+        ax.bar(index, total.value / KM, color=shade, edgecolor="black", width=0.65)
+        error = [[(total.value - total.low) / KM], [(total.high - total.value) / KM]]
+        ax.errorbar(index, total.value / KM, error, color="0.2", capsize=4)
+        ax.plot(index, row[level].bound.sum() / KM, "D", color="white", markeredgecolor="black")
+        ax.annotate(
+            f"{total.value / KM:.1f}",
+            (index, total.high / KM),
+            (0, 3),
+            textcoords="offset points",
+            ha="center",
+        )
+    ax.plot([], [], "D", color="white", markeredgecolor="black", label="sum of the root PCRB")
+    ax.set_xticks(range(len(scores)), list(scores))
+    ax.set(ylabel="sum of RMSE (km)")
+    ax.margins(y=0.15)
+    ax.legend(frameon=False)
+    return fig
