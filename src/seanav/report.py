@@ -1,0 +1,335 @@
+"""What a paper's notebook hands over: figures, tables, claims, deviations, provenance."""
+
+import csv
+import dataclasses
+import io
+import json
+import math
+import os
+import re
+import shutil
+from collections.abc import Iterable
+from dataclasses import dataclass
+from numbers import Integral, Real
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from IPython.display import Image
+from matplotlib import pyplot as plt
+
+from seanav.montecarlo import Estimate
+
+VERDICTS = ("reproduced", "partly", "not reproduced", "cannot be tested")
+ORIGINS = ("text", "public source", "recalled", "assumed", "derived")
+
+# ---------------------------------------------------------------- numbers as text
+
+
+def significant(x: float | Estimate, digits: int = 3) -> str:
+    """Return `x` rounded to `digits` significant digits; an estimate with its interval.
+
+    Integers are printed in full. The one helper for every printed number: what it
+    prints is the same on every machine.
+    """
+    if isinstance(x, Estimate):
+        value = significant(x.value, digits)
+        if x.low == x.high:
+            return value
+        return f"{value} [{significant(x.low, digits)}, {significant(x.high, digits)}]"
+    if isinstance(x, Integral):
+        return str(int(x))
+    x = float(x)
+    if not math.isfinite(x):
+        return str(x)
+    if x == 0.0:
+        return "0"
+    scientific = f"{x:.{digits - 1}e}"
+    exponent = int(scientific.partition("e")[2])
+    if -4 <= exponent < 6:
+        return f"{float(scientific):.{max(digits - 1 - exponent, 0)}f}"
+    return scientific
+
+
+def _stored(x):
+    """Return `x` as stored in result files: ten digits, plain Python types."""
+    if isinstance(x, dict):
+        return {str(key): _stored(item) for key, item in x.items()}
+    if isinstance(x, (list, tuple, np.ndarray)):
+        return [_stored(item) for item in x]
+    if isinstance(x, (bool, np.bool_)):
+        return bool(x)
+    if isinstance(x, Integral):
+        return int(x)
+    if isinstance(x, Real):
+        return float(f"{x:.10g}")
+    return x if x is None else str(x)
+
+
+def _cell(x) -> str:
+    if isinstance(x, (bool, np.bool_)):
+        return "true" if x else "false"
+    if isinstance(x, Real) and not isinstance(x, Integral):
+        return f"{x:.10g}"
+    return "" if x is None else str(x)
+
+
+def _csv(columns, rows) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for row in rows:
+        if len(row) != len(columns):
+            raise ValueError(f"row {row!r} does not fit the columns {list(columns)!r}")
+        writer.writerow([_cell(x) for x in row])
+    return text.getvalue()
+
+
+def json_text(content) -> str:
+    """Return `content` as the JSON text of a result file, numbers with ten digits."""
+    return json.dumps(_stored(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _print_table(columns, rows):
+    def shown(x):
+        return significant(x) if isinstance(x, Real) and not isinstance(x, bool) else _cell(x)
+
+    lines = [list(map(str, columns)), *([shown(x) for x in row] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for line in lines:
+        print("  ".join(x.ljust(width) for x, width in zip(line, widths, strict=True)).rstrip())
+
+
+# ---------------------------------------------------------------- claims
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition under which a claim is tested, with the region that it claims.
+
+    Attributes
+    ----------
+    what : str
+        The condition in words, such as ``"test 1, R = 2 mGal"``.
+    estimate : Estimate
+        The number that the claim is about.
+    low, high : float
+        The claimed region, ends included; fixed before the full-scale run.
+    """
+
+    what: str
+    estimate: Estimate
+    low: float = -math.inf
+    high: float = math.inf
+
+    @property
+    def outcome(self) -> str:
+        """``holds``, ``fails`` or ``straddles``: where the whole interval lies."""
+        if self.low <= self.estimate.low and self.estimate.high <= self.high:
+            return "holds"
+        if self.estimate.high < self.low or self.high < self.estimate.low:
+            return "fails"
+        return "straddles"
+
+    def __str__(self):
+        low = f"at least {significant(self.low)}" if math.isfinite(self.low) else ""
+        high = f"at most {significant(self.high)}" if math.isfinite(self.high) else ""
+        region = " and ".join(filter(None, (low, high))) or "any value"
+        return f"{self.what}: {significant(self.estimate)}, claimed {region}, {self.outcome}"
+
+
+def verdict(conditions: Iterable[Condition]) -> str:
+    """Return the verdict on a claim; it is never typed, only computed.
+
+    ``reproduced`` if it holds under every condition, ``not reproduced`` if it fails
+    under every one, ``partly`` otherwise, ``cannot be tested`` without a condition.
+    """
+    outcomes = {condition.outcome for condition in conditions}
+    if not outcomes:
+        return "cannot be tested"
+    return {("holds",): "reproduced", ("fails",): "not reproduced"}.get(tuple(outcomes), "partly")
+
+
+def agrees(printed: float, ours: Estimate, paper_runs_se: float | None = None) -> bool:
+    """Return whether our number agrees with the printed one within sampling error.
+
+    ``|ln(ours/printed)| <= 2 sqrt(SE² + SE_paper²)`` with standard errors of ln(ours).
+
+    Parameters
+    ----------
+    printed, ours : float, Estimate
+        The paper's number and ours; if their signs differ they do not agree.
+    paper_runs_se : float, optional
+        Our standard error at the paper's number of runs, in the unit of the number;
+        default: ours is computed at that number already.
+    """
+    if printed == ours.value:
+        return True
+    if printed * ours.value <= 0:
+        return False
+    paper_se = ours.se if paper_runs_se is None else paper_runs_se
+    se = math.hypot(ours.se, paper_se) / abs(ours.value)
+    return abs(math.log(ours.value / printed)) <= 2.0 * se
+
+
+# ---------------------------------------------------------------- the report
+
+
+class Report:
+    """The results of one notebook run, written to one folder and shown in the notebook.
+
+    Parameters
+    ----------
+    stem : str
+        Name of the notebook and of its folder of results.
+    scenario : dataclass
+        The validated parameters of the run; they go into the manifest.
+    seed : int
+        Seed of the run.
+    quick : bool
+        Whether this is the reduced run; its claims are marked.
+
+    Notes
+    -----
+    The runner says where to write; a notebook run by hand writes below ``build/``.
+    An older folder of the same name is removed first.
+    """
+
+    def __init__(self, stem: str, *, scenario, seed: int, quick: bool = False):
+        checkout = Path(__file__).resolve().parents[2]
+        by_hand = (
+            checkout if (checkout / "pyproject.toml").is_file() else Path()
+        ) / "build/by_hand"
+        self._folder = Path(os.environ.get("SEANAV_RESULTS") or by_hand) / stem
+        shutil.rmtree(self._folder, ignore_errors=True)
+        self._folder.mkdir(parents=True)
+        self._about = {
+            "seed": seed,
+            "quick": quick,
+            "parameters": dataclasses.asdict(scenario),
+        }
+        self._quick = quick
+        self._claims = {}
+        self._deviations = []
+        self._parameters = None
+        matplotlib.use("agg")  # a figure is shown from its file, the same everywhere
+        plt.style.use("seanav.seanav")
+
+    def _new(self, name, number, suffix):
+        label = f"{number:02d}" if isinstance(number, int) and name == "figure" else str(number)
+        if not re.fullmatch(r"\w+", label):
+            raise ValueError(f"{number!r} is not a number or short name for a {name}")
+        path = self._folder / f"{name}_{label}{suffix}"
+        if path.exists():
+            raise ValueError(f"{name} {number} is there already")
+        return path
+
+    def figure(self, number: int | str, fig, caption: str) -> Image:
+        """Save `fig` as PNG and PDF, close it and return the saved picture.
+
+        A `number` that is a short name, such as ``"B1"``, goes beyond the paper.
+        """
+        png = self._new("figure", number, ".png")
+        fig.savefig(png, dpi=200, metadata={"Software": None})
+        dates = dict.fromkeys(("Creator", "Producer", "CreationDate"))
+        fig.savefig(png.with_suffix(".pdf"), metadata=dates)
+        width = round(96 * fig.get_figwidth())
+        plt.close(fig)
+        print(f"Figure {number}. {caption}")
+        return Image(png.read_bytes(), format="png", width=width, alt=caption)
+
+    def table(self, number: int | str, columns: list[str], rows: list, caption: str) -> None:
+        """Save a table as CSV and print it, numbers rounded by `significant`."""
+        rows = [list(row) for row in rows]
+        self._new("table", number, ".csv").write_text(_csv(columns, rows))
+        print(f"Table {number}. {caption}")
+        _print_table(columns, rows)
+
+    def parameters(self, rows: list[tuple]) -> None:
+        """Save and print where each parameter comes from.
+
+        Parameters
+        ----------
+        rows : list of (name, value, unit, origin) or (name, value, unit, origin, note)
+            `origin`: text, public source, recalled, assumed or derived.
+        """
+        self._parameters = []
+        for name, value, unit, origin, *note in rows:
+            if origin.partition(":")[0] not in ORIGINS:
+                raise ValueError(f"{name}: origin {origin!r} is none of {', '.join(ORIGINS)}")
+            self._parameters.append([name, value, unit, ": ".join([origin, *note])])
+        _print_table(("name", "value", "unit", "origin"), self._parameters)
+
+    def deviation(
+        self,
+        table: str,
+        row: str,
+        column: str,
+        printed: float,
+        ours: Estimate,
+        paper_runs_se: float | None = None,
+    ) -> bool:
+        """Note a number that the paper prints beside ours; return whether they `agree`."""
+        agree = agrees(printed, ours, paper_runs_se)
+        numbers = [printed, ours.value, ours.low, ours.high, agree]
+        self._deviations.append([table, row, column, *map(_cell, numbers)])
+        return agree
+
+    def claim(self, number: str, text: str, conditions: list[Condition], basis: str) -> None:
+        """Judge one claim of the paper and print the verdict on one line.
+
+        Parameters
+        ----------
+        number : str
+            Number of the claim, such as ``"5.3"``.
+        text : str
+            The claim.
+        conditions : list of Condition
+            Where it is tested; the first one gives the value that is shown. None if
+            the paper gives no testable statement.
+        basis : str
+            How the numbers are computed; the outcome of each condition is added.
+        """
+        number = str(number)
+        if number in self._claims:
+            raise ValueError(f"claim {number} is judged twice")
+        conditions = list(conditions)
+        first = conditions[0].estimate if conditions else None
+        sampled = first is not None and first.low < first.high
+        self._claims[number] = {
+            "claim": text,
+            "verdict": verdict(conditions),
+            "value": first and first.value,
+            "interval": [first.low, first.high] if sampled else None,
+            "basis": ". ".join([basis.rstrip(". "), *map(str, conditions)]) + ".",
+        } | ({"quick": True} if self._quick else {})
+        shown = f" ({significant(first)})" if conditions else ""
+        print(f"{number} {verdict(conditions)}: {text}{shown}")
+
+    def finish(self, expected_claims: Iterable[str]) -> None:
+        """Write claims, deviations and parameters; the results are complete from here on.
+
+        Raises
+        ------
+        ValueError
+            If a claim of `expected_claims` was not judged, or one beyond them was, or
+            the origins of the parameters are missing.
+        """
+        expected = [str(number) for number in expected_claims]
+        if set(expected) != set(self._claims):
+            odd = ", ".join(sorted(set(expected) ^ set(self._claims)))
+            raise ValueError(f"claims expected and claims judged differ: {odd}")
+        if self._parameters is None:
+            raise ValueError("the origins of the parameters are missing")
+        deviations = ["table", "row", "column", "printed", "ours", "low", "high", "agrees"]
+        (self._folder / "deviations.csv").write_text(_csv(deviations, self._deviations))
+        origins = ["name", "value", "unit", "origin"]
+        (self._folder / "parameters.csv").write_text(_csv(origins, self._parameters))
+        claims = {number: self._claims[number] for number in expected}
+        values = {number: claim["value"] for number, claim in claims.items()}
+        self._about["headline"] = {n: significant(x) for n, x in values.items() if x is not None}
+        # Beside the folder, not in it: the runner moves this part into the manifest.
+        self._folder.with_suffix(".json").write_text(json_text(self._about))
+        (self._folder / "claims.json").write_text(json_text(claims))
+        counts = [sum(c["verdict"] == v for c in claims.values()) for v in VERDICTS]
+        print("; ".join(f"{n} {v}" for n, v in zip(counts, VERDICTS, strict=True)))
