@@ -14,9 +14,8 @@ from seanav.checks import ParameterError, number
 from seanav.filters.matching import checked
 from seanav.models.gravity import bilinear
 
-# Rows and columns of cells at the rim are dropped once every weight in them is below this
-# fraction of the largest. It bounds the work, and what is lost is far below the effect of
-# the cell's width.
+# A weight below this fraction of the largest is set to zero. It spares most of the work,
+# and what is lost is far below the effect of the cells' width.
 _NEGLIGIBLE = 1e-12
 
 
@@ -40,9 +39,9 @@ def _diffuse(weight, scratch, box, a, b):
 
 
 @kernel
-def _misfit(grid, spacing, measured, east, north, cell, box, column, share, line, out):
-    # Squared difference of the measurement and the bilinear map in every cell of the box;
-    # returns the least. Cell (i, j) is at (east + j cell, north + i cell). The map is
+def _misfit(grid, spacing, measured, east, north, cell, box, column, share, line, weight, out):
+    # Squared difference of the measurement and the bilinear map in every cell of the box
+    # that has a weight; returns the least. Cell (i, j) is at (east + j cell, north + i cell). The map is
     # interpolated north once per row and then east, with `column` and `share` the same
     # for all rows. Like `models.gravity.bilinear`, it is clamped at the border.
     rows, columns = grid.shape
@@ -60,6 +59,8 @@ def _misfit(grid, spacing, measured, east, north, cell, box, column, share, line
         for c in range(first, last):
             line[c] = grid[row, c] + t * (grid[row + 1, c] - grid[row, c])
         for j in range(j0, j1):
+            if weight[i, j] == 0.0:
+                continue
             c = column[j]
             difference = measured - (line[c] + share[j] * (line[c + 1] - line[c]))
             out[i, j] = difference * difference
@@ -71,44 +72,38 @@ def _misfit(grid, spacing, measured, east, north, cell, box, column, share, line
 def _multiply(weight, misfit, least, R, box):
     # Only ratios of weights matter. The likelihood of the best cell is set to one, so that
     # an outlier, which is unlikely everywhere, does not underflow to a sum of zero.
+    i0, i1, j0, j1 = box
     largest = 0.0
-    for i in range(box[0], box[1]):
-        for j in range(box[2], box[3]):
-            weight[i, j] *= math.exp((least - misfit[i, j]) / (2.0 * R))
-            largest = max(largest, weight[i, j])
-    for i in range(box[0], box[1]):
-        for j in range(box[2], box[3]):
-            weight[i, j] /= largest
+    for i in range(i0, i1):
+        for j in range(j0, j1):
+            if weight[i, j] > 0.0:
+                weight[i, j] *= math.exp((least - misfit[i, j]) / (2.0 * R))
+                largest = max(largest, weight[i, j])
+    for i in range(i0, i1):
+        for j in range(j0, j1):
+            ratio = weight[i, j] / largest
+            weight[i, j] = ratio if ratio >= _NEGLIGIBLE else 0.0
 
 
 @kernel
-def _negligible_row(weight, i, box):
-    for j in range(box[2], box[3]):
-        if weight[i, j] >= _NEGLIGIBLE:
-            return False
-    weight[i, box[2] : box[3]] = 0.0
-    return True
-
-
-@kernel
-def _negligible_column(weight, j, box):
-    for i in range(box[0], box[1]):
-        if weight[i, j] >= _NEGLIGIBLE:
-            return False
-    weight[box[0] : box[1], j] = 0.0
+def _empty(weight, i0, i1, j0, j1):
+    for i in range(i0, i1):
+        for j in range(j0, j1):
+            if weight[i, j] > 0.0:
+                return False
     return True
 
 
 @kernel
 def _shrink(weight, box):
-    # The largest weight is one, so every loop ends before the box is empty.
-    while _negligible_row(weight, box[0], box):
+    # One weight is one, so every loop ends before the box is empty.
+    while _empty(weight, box[0], box[0] + 1, box[2], box[3]):
         box[0] += 1
-    while _negligible_row(weight, box[1] - 1, box):
+    while _empty(weight, box[1] - 1, box[1], box[2], box[3]):
         box[1] -= 1
-    while _negligible_column(weight, box[2], box):
+    while _empty(weight, box[0], box[1], box[2], box[2] + 1):
         box[2] += 1
-    while _negligible_column(weight, box[3] - 1, box):
+    while _empty(weight, box[0], box[1], box[3] - 1, box[3]):
         box[3] -= 1
 
 
@@ -160,7 +155,18 @@ def _posterior(grid, spacing, truth, start, drift, noise, R, prior, a, b, cell):
                 north = truth[k, 1] + n - centre_north * cell
                 measured = bilinear(grid, spacing, truth[k, 0], truth[k, 1]) + noise[r, k]
                 least = _misfit(
-                    grid, spacing, measured, east, north, cell, box, column, share, line, scratch
+                    grid,
+                    spacing,
+                    measured,
+                    east,
+                    north,
+                    cell,
+                    box,
+                    column,
+                    share,
+                    line,
+                    weight,
+                    scratch,
                 )
                 _multiply(weight, scratch, least, R, box)
                 _shrink(weight, box)
@@ -190,8 +196,7 @@ def point_mass(
     Discretisation: cells of width `cell` around the INS position, out to `span_sigmas`
     standard deviations of P0 on each axis; a weight is the density at the cell's centre.
     The drift of the INS spreads the weights by a three-point convolution per axis that
-    has exactly the variance of Q. Rims whose weights all fall below 1e-12 of the largest
-    are dropped.
+    has exactly the variance of Q. A weight below 1e-12 of the largest is set to zero.
 
     Parameters
     ----------
