@@ -12,7 +12,7 @@ from seanav.filters.point_mass import point_mass
 MGAL = 1e-5
 SPACING = 1000.0
 R = (2 * MGAL) ** 2
-P0 = np.diag([1.0e6, 0.7e6])
+P0 = np.array([[1.0e6, 0.25e6], [0.25e6, 0.7e6]])
 Q = np.diag([60.0**2, 30.0**2])
 NONE = np.zeros((2, 2))
 
@@ -96,6 +96,14 @@ def test_an_outlier_that_is_unlikely_everywhere_leaves_a_proper_posterior():
     expected = dense(waves(), truth, initial[0], drift[0], noise[0], Q, 125.0, 4.0)
     np.testing.assert_allclose(errors[0], expected[0], rtol=0, atol=1e-3)
     np.testing.assert_allclose(P[0], expected[1], rtol=1e-5, atol=1e-1)
+
+
+def test_an_outlier_cannot_empty_the_grid_once_cells_were_dropped():
+    inputs = simulate(20)
+    inputs[3][:, 5] = 1000 * np.sqrt(R)
+    errors, _ = point_mass(waves(), SPACING, *inputs, R, P0, Q, cell=125.0)
+    assert np.isfinite(errors).all()
+    assert (abs(errors) < 9e3).all()  # within the grid around the INS
 
 
 @pytest.mark.parametrize("Q", [NONE, Q], ids=["no drift", "drift"])
@@ -188,8 +196,9 @@ def test_mirror_units_and_level_change_nothing():
     np.testing.assert_allclose(again[1], P, rtol=1e-8, atol=1e-3)
     east = np.array([-1, 1])
     there = truth * east + [40e3, 0]
+    mirrored = P0 * np.outer(east, east)
     again = point_mass(
-        waves()[:, ::-1], SPACING, there, initial * east, drift * east, noise, R, P0, Q
+        waves()[:, ::-1], SPACING, there, initial * east, drift * east, noise, R, mirrored, Q
     )
     np.testing.assert_allclose(again[0], errors * east, rtol=0, atol=1e-5)
     np.testing.assert_allclose(again[1], P * [1, -1, 1], rtol=1e-8, atol=1e-3)
