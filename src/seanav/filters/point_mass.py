@@ -17,6 +17,7 @@ from seanav.models.gravity import bilinear
 # A weight below this fraction of the largest is set to zero. It spares most of the work,
 # and what is lost is far below the effect of the cells' width.
 _NEGLIGIBLE = 1e-12
+_MOST_CELLS = 4_000_000
 
 
 @kernel
@@ -41,9 +42,9 @@ def _diffuse(weight, scratch, box, a, b):
 @kernel
 def _misfit(grid, spacing, measured, east, north, cell, box, column, share, line, weight, out):
     # Squared difference of the measurement and the bilinear map in every cell of the box
-    # that has a weight; returns the least. Cell (i, j) is at (east + j cell, north + i cell). The map is
-    # interpolated north once per row and then east, with `column` and `share` the same
-    # for all rows. Like `models.gravity.bilinear`, it is clamped at the border.
+    # that has a weight; returns the least. Cell (i, j) is at (east + j cell, north + i cell).
+    # The map is interpolated north once per row and then east, with `column` and `share`
+    # the same for all rows. Like `models.gravity.bilinear`, it is clamped at the border.
     rows, columns = grid.shape
     i0, i1, j0, j1 = box
     for j in range(j0, j1):
@@ -218,7 +219,8 @@ def point_mass(
     Raises
     ------
     ParameterError
-        As in `seanav.filters.matching.sitan`; Q not diagonal or above `cell`².
+        As in `seanav.filters.matching.sitan`; Q not diagonal or above `cell`²; more than
+        four million cells.
 
     Notes
     -----
@@ -229,16 +231,17 @@ def point_mass(
     spacing, truth, initial_error, drift, noise, R, P0, Q = inputs
     cell = number("cell", cell, above=0)
     span = number("span_sigmas", span_sigmas, above=0)
+    prior = _prior(P0, cell, span)
     if Q[0, 1] != 0.0 or Q.max() > cell**2:
         raise ParameterError("Q", Q.tolist(), f"must be diagonal and at most cell² = {cell**2:g}")
     a, b = Q.diagonal() / (2.0 * cell**2)
-    return _posterior(
-        grid, spacing, truth, initial_error, drift, noise, R, _prior(P0, cell, span), a, b, cell
-    )
+    return _posterior(grid, spacing, truth, initial_error, drift, noise, R, prior, a, b, cell)
 
 
 def _prior(P0, cell, span):
     half_east, half_north = (math.ceil(span * math.sqrt(v) / cell) for v in P0.diagonal())
+    if (2 * half_east + 1) * (2 * half_north + 1) > _MOST_CELLS:
+        raise ParameterError("cell", cell, f"must be wider: above {_MOST_CELLS:,} cells")
     east = cell * np.arange(-half_east, half_east + 1)
     north = cell * np.arange(-half_north, half_north + 1)[:, None]
     (ee, en), (_, nn) = np.linalg.inv(P0)

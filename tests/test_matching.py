@@ -1,0 +1,415 @@
+"""SITAN and the point-gradient EKF against closed forms, filterpy and plain numpy."""
+
+import filterpy.kalman
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import RegularGridInterpolator
+from scipy.stats import chi2
+
+from seanav.checks import ParameterError
+from seanav.filters import matching
+
+MGAL = 1e-5
+SPACING = 1000.0
+SLOPE = np.array([0.9, -1.7]) * MGAL / 1e3  # east, north
+P0 = np.array([[1.1e6, 0.3e6], [0.3e6, 0.8e6]])
+Q = np.array([[900.0, 200.0], [200.0, 400.0]])
+R = (2 * MGAL) ** 2
+
+
+def plane(nodes=61):
+    i, j = np.mgrid[:nodes, :nodes] * SPACING
+    return 3 * MGAL + SLOPE[0] * j + SLOPE[1] * i
+
+
+def hills(nodes=61):
+    """Return a smooth map of about ±40 mGal with slopes of up to some 6 mGal/km."""
+    i, j = np.mgrid[:nodes, :nodes] * 2 * np.pi
+    waves = np.sin(j / 31 + i / 47) + 0.7 * np.cos(i / 23 - j / 61) + 0.4 * np.sin(j / 15 + 1)
+    return 19 * MGAL * waves
+
+
+def simulate(runs, steps=25, *, start=(15e3, 20e3), end=(45e3, 38e3), seed=1, P0=P0, Q=Q, R=R):
+    """Return truth, initial_error, drift, noise: the first inputs after the map."""
+    rng = np.random.default_rng(seed)
+    truth = np.linspace(start, end, steps)
+    initial = rng.multivariate_normal([0, 0], P0, runs)
+    drift = rng.multivariate_normal([0, 0], Q, (runs, steps))
+    return truth, initial, drift, np.sqrt(R) * rng.standard_normal((runs, steps))
+
+
+def packed(matrices):
+    return np.stack([matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 1]], axis=-1)
+
+
+def unpacked(P):
+    return P[..., [0, 1, 1, 2]].reshape(*P.shape[:-1], 2, 2)
+
+
+def riccati(slopes, R):
+    """Return the covariances in information form for slopes (steps, 2), slope 0 unused."""
+    P = [P0]
+    for H in slopes[1:]:
+        P.append(np.linalg.inv(np.linalg.inv(P[-1] + Q) + np.outer(H, H) / R))
+    return np.array(P)
+
+
+def block_by_slices(grid, i, j, size):
+    rows, columns = slice(i - size, i + size + 1), slice(j - size, j + size + 1)
+    scale = size * (size + 1) * (2 * size + 1) * SPACING
+    right, left = grid[rows, j + 1 : j + size + 1], grid[rows, j - size : j]
+    above, below = grid[i + 1 : i + size + 1, columns], grid[i - size : i, columns]
+    return np.array([right.sum() - left.sum(), above.sum() - below.sum()]) / scale
+
+
+# --- the slope of the map ---------------------------------------------------------------
+
+
+def test_summed_area_is_the_sum_below_and_left():
+    values = np.random.default_rng(0).standard_normal((4, 6))
+    table = matching.summed_area(values)
+    expected = [[values[:i, :j].sum() for j in range(7)] for i in range(5)]
+    np.testing.assert_allclose(table, expected, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("size", range(1, 8))
+def test_block_slope_is_exact_on_a_plane_wherever_the_block_fits(size):
+    grid = plane(17)
+    table = matching.summed_area(grid - grid[8, 8])
+    for i in range(size, 17 - size):
+        for j in range(size, 17 - size):
+            slope = matching.block_gradient(table, SPACING, i, j, size)
+            np.testing.assert_allclose(slope, SLOPE, rtol=1e-11)
+
+
+@pytest.mark.parametrize("size", [1, 2, 5])
+def test_block_slope_is_the_difference_of_the_block_sums(size):
+    grid = MGAL * np.random.default_rng(3).standard_normal((15, 18))
+    table = matching.summed_area(grid)
+    for i, j in [(size, size), (7, 9), (14 - size, 17 - size)]:
+        slope = matching.block_gradient(table, SPACING, i, j, size)
+        np.testing.assert_allclose(slope, block_by_slices(grid, i, j, size), rtol=1e-11)
+
+
+def test_point_slope_is_the_derivative_of_the_bilinear_map():
+    grid = hills(20)
+    h = RegularGridInterpolator((np.arange(20) * SPACING,) * 2, grid)
+    points = np.random.default_rng(4).uniform(0.01, 0.99, (50, 2)) * SPACING
+    points += np.random.default_rng(5).integers(0, 19, (50, 2)) * SPACING
+    for east, north in points:
+        numerical = [
+            (h((north, east + 1)) - h((north, east - 1))) / 2,
+            (h((north + 1, east)) - h((north - 1, east))) / 2,
+        ]
+        slope = matching.point_gradient(grid, SPACING, east, north)
+        np.testing.assert_allclose(slope, numerical, rtol=1e-8, atol=1e-16)
+
+
+def test_point_slope_has_no_component_across_a_clamped_border():
+    grid = plane(11)
+    for east, north in [(-5.0, 4e3), (10e3 + 5.0, 4e3)]:
+        slope = matching.point_gradient(grid, SPACING, east, north)
+        np.testing.assert_allclose(slope, [0, SLOPE[1]], rtol=1e-11)
+    for east, north in [(4e3, -5.0), (4e3, 10e3 + 5.0)]:
+        slope = matching.point_gradient(grid, SPACING, east, north)
+        np.testing.assert_allclose(slope, [SLOPE[0], 0], rtol=1e-11)
+
+
+def test_window_is_the_largest_standard_deviation_in_nodes_whatever_its_direction():
+    for angle in np.linspace(0, np.pi, 13):
+        axes = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        ee, en, nn = packed(axes @ np.diag([2.7e3**2, 0.4e3**2]) @ axes.T)
+        assert matching.window(ee, en, nn, SPACING, 1.0, 15) == 3
+        assert matching.window(ee, en, nn, SPACING, 3.0, 15) == 8
+        assert matching.window(ee, en, nn, SPACING, 3.0, 5) == 5
+        assert matching.window(ee, en, nn, SPACING, 0.1, 15) == 1
+
+
+# --- the covariance update ---------------------------------------------------------------
+
+positive = st.floats(1e2, 1e8)
+slopes = st.floats(-1e-7, 1e-7)
+variances = st.floats(1e-14, 1e-6)
+
+
+@given(positive, positive, st.floats(-0.999, 0.999), slopes, slopes, variances)
+def test_update_is_the_information_form_and_never_adds_uncertainty(ee, nn, rho, he, hn, R):
+    P = np.array([[ee, rho * np.sqrt(ee * nn)], [rho * np.sqrt(ee * nn), nn]])
+    H = np.array([he, hn])
+    *new, S, ke, kn = matching.update(ee, P[0, 1], nn, he, hn, R)
+    after = unpacked(np.array(new))
+    scale = np.sqrt(np.diag(P))
+    assert min(np.linalg.eigvalsh(after / np.outer(scale, scale))) > 0
+    assert min(np.linalg.eigvalsh((P - after) / np.outer(scale, scale))) > -1e-12
+    np.testing.assert_allclose(S, H @ P @ H + R, rtol=1e-12)
+    np.testing.assert_allclose([ke, kn], P @ H / S, rtol=1e-9, atol=1e-12 * max(abs(P @ H / S)))
+    # Joseph form, in the units of the standard deviations
+    rest = np.eye(2) - np.outer(P @ H / S, H)
+    joseph = rest @ P @ rest.T + R * np.outer(P @ H, P @ H) / S**2
+    np.testing.assert_allclose(
+        after / np.outer(scale, scale), joseph / np.outer(scale, scale), atol=1e-11
+    )
+
+
+@given(positive, slopes, slopes, slopes, slopes, variances, variances)
+def test_two_independent_updates_commute(variance, he1, hn1, he2, hn2, R1, R2):
+    def both(first, second):
+        P = (variance, 0.0, variance)
+        for H_and_R in (first, second):
+            P = matching.update(*P, *H_and_R)[:3]
+        return np.array(P) / variance
+
+    a, b = (he1, hn1, R1), (he2, hn2, R2)
+    np.testing.assert_allclose(both(a, b), both(b, a), rtol=1e-9, atol=1e-12)
+
+
+# --- the whole filter ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gradient", ["block", "point"])
+def test_covariance_on_a_plane_is_the_riccati_recursion(gradient):
+    tracks = matching.sitan(plane(), SPACING, *simulate(3), R, P0, Q, gradient=gradient)
+    expected = packed(riccati(np.tile(SLOPE, (25, 1)), R))
+    np.testing.assert_allclose(tracks.P, np.broadcast_to(expected, (3, 25, 3)), rtol=1e-9)
+
+
+def test_covariance_on_a_plane_holds_along_the_border_and_beyond_it():
+    inputs = simulate(50, start=(0, 0), end=(60e3, 300.0))
+    tracks = matching.sitan(plane(), SPACING, *inputs, R, P0, Q, window_sigmas=4.0)
+    north = inputs[0][:, 1] + tracks.errors[..., 1]
+    assert north.min() < -SPACING
+    expected = packed(riccati(np.tile(SLOPE, (25, 1)), R))
+    np.testing.assert_allclose(tracks.P, np.broadcast_to(expected, (50, 25, 3)), rtol=1e-9)
+
+
+@pytest.mark.parametrize("gradient", ["block", "point"])
+def test_mean_square_error_on_a_plane_is_the_bound(gradient):
+    runs = 4000
+    errors = matching.sitan(plane(), SPACING, *simulate(runs), R, P0, Q, gradient=gradient).errors
+    bound = riccati(np.tile(SLOPE, (25, 1)), R)
+    assert SLOPE @ bound[-1] @ SLOPE < 0.25 * SLOPE @ P0 @ SLOPE  # the measurements do tell
+    ratio = np.einsum("rka,kab,rkb->k", errors, np.linalg.inv(bound), errors)
+    low, high = chi2.ppf([0.0005, 0.9995], 2 * runs)
+    assert (low < ratio).all()
+    assert (ratio < high).all()
+
+
+def consistent(tracks):
+    """Two-sided test of NEES at the end and of the sum of NIS at 99.9 %."""
+    runs, steps = tracks.nis.shape
+    last = tracks.errors[:, -1]
+    nees = np.einsum("ra,rab,rb->", last, np.linalg.inv(unpacked(tracks.P[:, -1])), last)
+    bounds = [chi2.ppf([0.0005, 0.9995], n * runs) for n in (2, steps - 1)]
+    sums = nees, np.nansum(tracks.nis)
+    return [bool(low < s < high) for s, (low, high) in zip(sums, bounds, strict=True)]
+
+
+def test_consistency_on_a_plane_and_its_loss_when_mistuned():
+    inputs = simulate(2000)
+    assert consistent(matching.sitan(plane(), SPACING, *inputs, R, P0, Q)) == [True, True]
+    for wrong in (0.7, 1.4):
+        assert consistent(matching.sitan(plane(), SPACING, *inputs, wrong * R, P0, Q))[1] is False
+        mistuned = matching.sitan(plane(), SPACING, *inputs, R, wrong * P0, wrong * Q)
+        assert consistent(mistuned)[0] is False
+
+
+def filterpy_run(grid, slope_at, truth, initial, drift, noise):
+    """Return errors, P and NIS of one run with filterpy's extended filter, state = position."""
+    h = RegularGridInterpolator(
+        (np.arange(grid.shape[0]) * SPACING, np.arange(grid.shape[1]) * SPACING), grid
+    )
+    ekf = filterpy.kalman.ExtendedKalmanFilter(2, 1)
+    ekf.x, ekf.P, ekf.Q, ekf.R = truth[0] + initial, P0.copy(), Q, np.array([[R]])
+    errors, P, nis = [initial], [P0], [np.nan]
+    for k in range(1, len(truth)):
+        ekf.predict(u=0)
+        # the INS carries its indicated position along with the true motion and its drift
+        ekf.x = ekf.x + truth[k] - truth[k - 1] + drift[k]
+        ekf.update(
+            np.array([h(truth[k][::-1])[0] + noise[k]]),
+            lambda x: slope_at(x, ekf.P)[None],
+            lambda x: h(x[::-1]),
+        )
+        errors.append(ekf.x - truth[k])
+        P.append(ekf.P)
+        nis.append(ekf.y[0] ** 2 / ekf.S[0, 0])
+    return np.array(errors), packed(np.array(P)), np.array(nis)
+
+
+def point_slope(grid):
+    def slope(position, _):
+        i, j = (int(x // SPACING) for x in position[::-1])
+        t, s = position[::-1] / SPACING - (i, j)
+        cell = grid[i : i + 2, j : j + 2]
+        east, north = np.diff(cell, axis=1)[:, 0], np.diff(cell, axis=0)[0]
+        return np.array([east @ [1 - t, t], north @ [1 - s, s]]) / SPACING
+
+    return slope
+
+
+def block_slope(grid, sigmas):
+    def slope(position, P):
+        i, j = (round(x / SPACING) for x in position[::-1])
+        size = max(1, round(sigmas * np.sqrt(np.linalg.eigvalsh(P)[-1]) / SPACING))
+        return block_by_slices(grid, i, j, size)
+
+    return slope
+
+
+@pytest.mark.parametrize("grid", [plane(), hills()], ids=["plane", "hills"])
+@pytest.mark.parametrize("gradient", ["point", "block"])
+def test_every_step_equals_filterpy(grid, gradient):
+    inputs = truth, initial, drift, noise = simulate(5)
+    tracks = matching.sitan(grid, SPACING, *inputs, R, P0, Q, gradient=gradient, window_sigmas=2.5)
+    slope_at = point_slope(grid) if gradient == "point" else block_slope(grid, 2.5)
+    for r in range(5):
+        expected = filterpy_run(grid, slope_at, truth, initial[r], drift[r], noise[r])
+        np.testing.assert_allclose(tracks.errors[r], expected[0], rtol=1e-8, atol=1e-5)
+        np.testing.assert_allclose(tracks.P[r], expected[1], rtol=1e-8, atol=1e-3)
+        np.testing.assert_allclose(tracks.nis[r], expected[2], rtol=1e-7, atol=1e-10)
+
+
+def test_the_window_follows_the_covariance_on_hills():
+    inputs = simulate(20)
+    small, large = (
+        matching.sitan(hills(), SPACING, *inputs, R, P0, Q, window_sigmas=s) for s in (1.0, 6.0)
+    )
+    limited = matching.sitan(
+        hills(), SPACING, *inputs, R, P0, Q, window_sigmas=6.0, largest_window=1
+    )
+    assert not np.allclose(small.errors, large.errors, atol=1.0)
+    assert not np.allclose(limited.errors, large.errors, atol=1.0)
+
+
+# --- symmetries ---------------------------------------------------------------------------
+
+both_gradients = pytest.mark.parametrize("gradient", ["block", "point"])
+
+
+@both_gradients
+def test_a_constant_added_to_the_map_changes_nothing(gradient):
+    inputs = simulate(40)
+    a, b = (
+        matching.sitan(hills() + c, SPACING, *inputs, R, P0, Q, gradient=gradient)
+        for c in (0.0, 123 * MGAL)
+    )
+    np.testing.assert_allclose(b.errors, a.errors, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(b.P, a.P, rtol=1e-9)
+
+
+@both_gradients
+def test_the_units_of_gravity_cancel(gradient):
+    truth, initial, drift, noise = simulate(40)
+    a = matching.sitan(hills(), SPACING, truth, initial, drift, noise, R, P0, Q, gradient=gradient)
+    for c in (4.0, -1.0):  # exact in binary: to the last bit
+        b = matching.sitan(
+            c * hills(),
+            SPACING,
+            truth,
+            initial,
+            drift,
+            c * noise,
+            c * c * R,
+            P0,
+            Q,
+            gradient=gradient,
+        )
+        np.testing.assert_array_equal(b.errors, a.errors)
+        np.testing.assert_array_equal(b.P, a.P)
+        np.testing.assert_array_equal(b.nis, a.nis)
+
+
+@both_gradients
+def test_the_mirrored_map_gives_mirrored_errors(gradient):
+    inputs = truth, initial, drift, noise = simulate(40)
+    a = matching.sitan(hills(), SPACING, *inputs, R, P0, Q, gradient=gradient)
+    flip, sign = np.array([[-1, 1], [1, -1]]), np.array([1, -1, 1])
+    for axis in (0, 1):  # east, north
+        there = truth.copy()
+        there[:, axis] = 60e3 - truth[:, axis]
+        b = matching.sitan(
+            np.flip(hills(), 1 - axis), SPACING, there, initial * flip[axis], drift * flip[axis],
+            noise, R, P0 * [[1, -1], [-1, 1]], Q * [[1, -1], [-1, 1]], gradient=gradient,
+        )  # fmt: skip
+        np.testing.assert_allclose(b.errors, a.errors * flip[axis], rtol=0, atol=1e-5)
+        np.testing.assert_allclose(b.P, a.P * sign, rtol=1e-8, atol=1e-3)
+
+
+@both_gradients
+def test_exchanging_east_and_north_exchanges_the_errors(gradient):
+    truth, initial, drift, noise = simulate(40)
+    a = matching.sitan(hills(), SPACING, truth, initial, drift, noise, R, P0, Q, gradient=gradient)
+    b = matching.sitan(
+        hills().T, SPACING, truth[:, ::-1], initial[:, ::-1], drift[..., ::-1], noise,
+        R, P0[::-1, ::-1], Q[::-1, ::-1], gradient=gradient,
+    )  # fmt: skip
+    np.testing.assert_allclose(b.errors, a.errors[..., ::-1], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(b.P, a.P[..., ::-1], rtol=1e-8, atol=1e-3)
+
+
+@both_gradients
+def test_a_run_is_the_same_to_the_last_bit_in_any_batch(gradient):
+    truth, *batch = simulate(30)
+    whole = matching.sitan(hills(), SPACING, truth, *batch, R, P0, Q, gradient=gradient)
+    for rows in (slice(7, 8), slice(3, 20), slice(None, None, -1)):
+        part = matching.sitan(
+            hills(), SPACING, truth, *(x[rows] for x in batch), R, P0, Q, gradient=gradient
+        )
+        for a, b in zip(whole, part, strict=True):
+            np.testing.assert_array_equal(a[rows], b)
+
+
+def test_sample_zero_is_the_start_before_any_measurement():
+    inputs = truth, initial, drift, noise = simulate(10)
+    tracks = matching.sitan(hills(), SPACING, *inputs, R, P0, Q)
+    np.testing.assert_array_equal(tracks.errors[:, 0], initial)
+    np.testing.assert_array_equal(tracks.P[:, 0], np.tile(packed(P0), (10, 1)))
+    assert np.isnan(tracks.nis[:, 0]).all()
+    assert np.isfinite(tracks.nis[:, 1:]).all()
+    drift[:, 0] += 1e6
+    noise[:, 0] += 1.0
+    again = matching.sitan(hills(), SPACING, truth, initial, drift, noise, R, P0, Q)
+    np.testing.assert_array_equal(again.errors, tracks.errors)
+
+
+# --- bad input ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("anomaly", np.zeros((2, 9)), r"anomaly = \(2, 9\): must have at least 3 × 3 nodes"),
+        ("anomaly", np.zeros(9), r"anomaly = \(9,\): must have the shape \(any, any\)"),
+        ("anomaly", np.full((9, 9), np.nan), "anomaly = .*: must be finite everywhere"),
+        ("spacing", 0.0, "spacing = 0.0: must be a finite number above 0"),
+        ("truth", np.zeros((25, 3)), r"truth = \(25, 3\): must have the shape \(any, 2\)"),
+        ("truth", np.zeros((24, 2)), r"noise = \(4, 25\): must have the shape \(any, 24\)"),
+        ("initial_error", np.zeros((3, 2)), r"initial_error = \(3, 2\): .* \(4, 2\)"),
+        ("drift", np.zeros((4, 25)), r"drift = \(4, 25\): must have the shape \(4, 25, 2\)"),
+        ("noise", np.zeros((0, 25)), r"noise = \(0, 25\): .* none empty"),
+        ("R", 0.0, "R = 0.0: must be a finite number above 0"),
+        ("R", -1.0, "R = -1.0: must be a finite number above 0"),
+        ("R", np.inf, "R = inf: must be a finite number above 0"),
+        ("P0", np.zeros((2, 2)), "P0 = .*: must be symmetric and positive definite"),
+        ("P0", [[1.0, 0.5], [0.4, 1.0]], "P0 = .*: must be symmetric and positive definite"),
+        ("P0", -np.eye(2), "P0 = .*: must be symmetric and positive definite"),
+        ("Q", [[1.0, 2.0], [2.0, 1.0]], "Q = .*: must be symmetric and positive semidefinite"),
+        ("Q", -np.eye(2), "Q = .*: must be symmetric and positive semidefinite"),
+        ("gradient", "plane", "gradient = 'plane': must be one of 'block', 'point'"),
+        ("window_sigmas", -1.0, "window_sigmas = -1.0: must be a finite number at least 0"),
+        ("largest_window", 0, "largest_window = 0: must be an integer of at least 1"),
+    ],
+)
+def test_bad_input_is_one_line_naming_the_parameter(name, value, message):
+    given = dict(zip(["truth", "initial_error", "drift", "noise"], simulate(4), strict=True))
+    given |= {"anomaly": hills(), "spacing": SPACING, "R": R, "P0": P0, "Q": Q, name: value}
+    with pytest.raises(ParameterError, match=message):
+        matching.sitan(**given)
+
+
+def test_no_process_noise_is_allowed():
+    tracks = matching.sitan(plane(), SPACING, *simulate(2, Q=0 * Q), R, P0, np.zeros((2, 2)))
+    information = np.linalg.inv(P0) + 24 * np.outer(SLOPE, SLOPE) / R
+    np.testing.assert_allclose(tracks.P[:, -1], [packed(np.linalg.inv(information))] * 2, rtol=1e-9)
