@@ -127,3 +127,83 @@ def sums(scores, level):
     ax.margins(y=0.15)
     ax.legend(frameon=False)
     return fig
+
+
+def shares(rows):
+    """Draw the share of pairs won per map and noise; rows of `gravity_pairs.share_table`."""
+    fig, ax = plt.subplots(figsize=(6.6, 3.8))
+    for index, name in enumerate(dict.fromkeys(row[0] for row in rows)):
+        mgal, share, low, high = np.array([row[1:5] for row in rows if row[0] == name]).T
+        ax.errorbar(
+            mgal + 0.06 * (index - 1),
+            share,
+            [share - low, high - share],
+            color=str(0.3 * index),
+            marker=MARKERS[index],
+            capsize=4,
+            label=name,
+        )
+    ax.set(xlabel="noise (mGal)", ylabel="share of pairs won", ylim=(0, 1.05))
+    ax.legend(frameon=False, loc="lower left")
+    return fig
+
+
+def comparisons(grouped):
+    """Draw the cost of one label, and achieved RMSE against the bound, pair by pair."""
+    fig, (left, right) = plt.subplots(1, 2, figsize=(9.4, 4.2))
+    for index, (name, results) in enumerate(grouped.items()):
+        look = {"color": str(0.3 * index), "marker": MARKERS[index], "linestyle": "none"}
+        excess = np.sort([one.cost / one.label_cost - 1 for one in results])
+        left.plot(100 * excess, np.linspace(0, 1, len(excess)), label=name, **look)
+        for one in results:
+            for path, face in (("Planned", str(0.3 * index)), ("Direct", "white")):
+                score = one.scores[path]
+                right.plot(
+                    score.bound.sum() / KM,
+                    score.total.value / KM,
+                    markerfacecolor=face,
+                    markeredgecolor=str(0.3 * index),
+                    **{**look, "color": None},
+                )
+    ends = np.array(right.get_xlim())
+    right.plot(ends, ends, color="0.5", linewidth=0.8, label="bound = achieved")
+    right.plot([], [], "o", color="black", label="planned (filled)")
+    right.plot([], [], "o", color="black", markerfacecolor="white", label="direct (open)")
+    left.set(xlabel="cost of A* above multi-label (%)", ylabel="share of pairs below")
+    right.set(xlabel="sum of root PCRB (km)", ylabel="sum of RMSE, SITAN (km)")
+    left.legend(frameon=False)
+    right.legend(frameon=False, fontsize="small")
+    return fig
+
+
+def methods(cases):
+    """Draw RMSE of the filters and the two bounds, one panel per case."""
+    fig, axes = plt.subplots(1, len(cases), figsize=(9.4, 4.0), sharey=True)
+    looks = {"sitan": "-", "ekf": "--", "point mass": "-."}
+    for ax, (name, case) in zip(np.atleast_1d(axes), cases.items(), strict=True):
+        along = np.linspace(0.0, case.length / KM, len(case.at_truth))
+        for index, (method, one) in enumerate(case.scores.items()):
+            ax.plot(along, one.rmse / KM, looks[method], color=str(0.25 * index), label=method)
+            low, high = one.band()
+            ax.fill_between(along, low / KM, high / KM, color="0.5", alpha=0.2, linewidth=0)
+        ax.plot(along, case.at_truth / KM, ":", color="black", label="PCRB at the truth")
+        ax.plot(along, case.expected / KM, ":", color="0.6", linewidth=2.5, label="PCRB, prior")
+        ax.set(title=name, xlabel="distance along the path (km)", yscale="log")
+    np.atleast_1d(axes)[0].set_ylabel("RMSE (km)")
+    np.atleast_1d(axes)[-1].legend(frameon=False, fontsize="small")
+    return fig
+
+
+def noise_growth(rows):
+    """Draw how the sum of RMSE grows with the noise; rows of `gravity_printed.noise_growth`."""
+    tests = list(dict.fromkeys(row[0] for row in rows))
+    fig, axes = plt.subplots(1, len(tests), figsize=(8.4, 3.6), sharey=True, squeeze=False)
+    for ax, test in zip(axes[0], tests, strict=True):
+        mgal, *lines = np.array([row[1:] for row in rows if row[0] == test]).T
+        looks = (("printed", "k-o"), ("noise known", "k--s"), ("2 mGal held", "k:^"))
+        for line, (label, look) in zip(lines, looks, strict=True):
+            ax.plot(mgal, line, look, label=label)
+        ax.set(title=f"test {test}", xlabel="noise (mGal)")
+    axes[0, 0].set_ylabel("sum of RMSE over that at 1 mGal")
+    axes[0, 0].legend(frameon=False)
+    return fig

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from seanav import montecarlo
+from seanav.filters import labels
 from seanav.models import gravity
 from seanav.studies import gravity_planning as study
+from seanav.studies import gravity_scores
 
 FAN_KM = (27.5, 22.0, 16.5, 11.0, 5.5, -5.5, -11.0, -16.5, -22.0, -27.5)
 SECOND_WINDOW_DEG = (30.0, 155.0)  # open Pacific inside the geoid's coverage
@@ -78,13 +80,16 @@ class Comparison:
     dropped: int
 
 
-def compare(scenario, chart, noise, pair):
-    """Plan one pair both ways and run SITAN on both plans, the best bow and the direct path."""
+def compare(scenario, chart, noise, pair, table):
+    """Plan one pair both ways and run SITAN on both plans, the best bow and the direct path.
+
+    `table` is the map's `seanav.filters.labels.gain_table`.
+    """
     start, goal = pair
     level = scenario.planning_noise_mgal
     one = study.plan(scenario, chart, start, level, goal)
     many = study.plan_labels(
-        scenario, chart, start, level, goal, epsilon=scenario.epsilon, upper_bound=one.cost
+        scenario, chart, start, level, goal, epsilon=scenario.epsilon, incumbent=one, table=table
     )
     curves, dropped = study.fan(chart, start, goal, FAN_KM, scenario.samples)
     paths = {
@@ -100,4 +105,140 @@ def compare(scenario, chart, noise, pair):
     scores = {
         name: study.run(scenario, chart, noise, points, level) for name, points in paths.items()
     }
-    return Comparison(one.cost, min(many.cost, one.cost), scores, dropped)
+    return Comparison(one.cost, many.cost, scores, dropped)
+
+
+# All pairs, in parallel -----------------------------------------------------------------
+
+
+def all_bounds(scenario, maps):
+    """Return the `Bounds` of every pair: {(map, mGal): [Bounds, …]}."""
+    jobs = [
+        (name, mgal, pair)
+        for name, chart in maps.items()
+        for mgal in scenario.noise_mgal
+        for pair in draw_pairs(scenario, chart, name)
+    ]
+    results = montecarlo.parallel_map(
+        lambda job: bounds(scenario, maps[job[0]], job[2], job[1]), jobs, label="random pairs"
+    )
+    grouped = {(name, mgal): [] for name in maps for mgal in scenario.noise_mgal}
+    for (name, mgal, _), result in zip(jobs, results, strict=True):
+        grouped[name, mgal].append(result)
+    return grouped
+
+
+def all_comparisons(scenario, maps, noise):
+    """Return the `Comparison` of the first `label_pairs` pairs of every map: {map: […]}."""
+    tables = {name: labels.gain_table(gravity.gradient(chart)) for name, chart in maps.items()}
+    jobs = [
+        (name, pair)
+        for name, chart in maps.items()
+        for pair in draw_pairs(scenario, chart, name)[: scenario.label_pairs]
+    ]
+    results = montecarlo.parallel_map(
+        lambda job: compare(scenario, maps[job[0]], noise, job[1], tables[job[0]]),
+        jobs,
+        label="multi-label plans",
+    )
+    grouped = {name: [] for name in maps}
+    for (name, _), result in zip(jobs, results, strict=True):
+        grouped[name].append(result)
+    return grouped
+
+
+# Tables ---------------------------------------------------------------------------------
+
+
+def share_won(results):
+    """Return the share of pairs whose plan beats the bows and the direct path by PCRB."""
+    wins = sum(one.planned < min(one.fan, one.direct) for one in results)
+    return montecarlo.share(wins, len(results))
+
+
+def share_table(grouped):
+    """Return rows (map, mGal, share, low, high, median over the best, length, dropped)."""
+    rows = []
+    for (name, mgal), results in grouped.items():
+        won = share_won(results)
+        over = np.median([one.planned / min(one.fan, one.direct) for one in results])
+        longer = np.median([one.length_ratio for one in results])
+        dropped = sum(one.dropped for one in results)
+        rows.append((name, mgal, won.value, won.low, won.high, over, longer, dropped))
+    return rows
+
+
+def cost_table(grouped):
+    """Return rows (map, median and largest cost ratio, RMSE ratio with interval).
+
+    The ratio of the RMSE sums, A* over multi-label, is a geometric mean over the pairs.
+    """
+    rows = []
+    for name, results in grouped.items():
+        costs = [one.cost / one.label_cost for one in results]
+        logs = [
+            np.log(one.scores["Planned"].total.value / one.scores["Labels"].total.value)
+            for one in results
+        ]
+        gain = gravity_scores.exp(montecarlo.mean(logs))
+        rows.append((name, np.median(costs), max(costs), gain.value, gain.low, gain.high))
+    return rows
+
+
+def bound_table(grouped):
+    """Return rows (map, path, geometric mean, least and largest RMSE/PCRB, diverged in 1000)."""
+    rows = []
+    for name, results in grouped.items():
+        for path in ("Planned", "Labels", "Fan", "Direct"):
+            scores = [one.scores[path] for one in results if path in one.scores]
+            over = [score.over_bound.value for score in scores]
+            lost = sum(score.diverged for score in scores) / sum(len(s.squared) for s in scores)
+            mean = np.exp(np.mean(np.log(over)))
+            rows.append((name, path, mean, min(over), max(over), 1000 * lost))
+    return rows
+
+
+# Filters side by side ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Case:
+    """One path under several filters and two bounds (samples,) m."""
+
+    scores: dict
+    at_truth: np.ndarray
+    expected: np.ndarray
+    length: float
+
+
+def methods(scenario, chart, noise, cases):
+    """Run SITAN, the point-gradient EKF and the point-mass filter on named paths.
+
+    `cases` maps a name to points (samples, 2). Returns {name: `Case`}.
+    """
+    mgal = scenario.planning_noise_mgal
+    done = {}
+    for name, points in cases.items():
+        scores = {
+            method: study.run_all(scenario, chart, noise, {"": points}, [mgal], method=method)[""][
+                0
+            ]
+            for method in ("sitan", "ekf", "point mass")
+        }
+        at_truth = scores["sitan"].bound
+        expected = study.root_trace(study.expected_bound(scenario, chart, points, mgal))
+        done[name] = Case(scores, at_truth, expected, study.length(points))
+    return done
+
+
+def method_table(cases):
+    """Return rows (case, method, sum of RMSE with interval, sum of medians, diverged); km."""
+    rows = []
+    for name, case in cases.items():
+        for method, one in case.scores.items():
+            total = [x / study.KM for x in (one.total.value, one.total.low, one.total.high)]
+            median = np.sqrt(np.median(one.squared, axis=0)).sum() / study.KM
+            rows.append((name, method, *total, median, one.diverged))
+        for label, limit in (("PCRB, truth", case.at_truth), ("PCRB, prior", case.expected)):
+            rows.append((name, label, limit.sum() / study.KM, None, None, None, None))
+    return rows

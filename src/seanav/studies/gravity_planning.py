@@ -17,36 +17,6 @@ from seanav.studies.gravity_scores import Score
 MGAL = gravity.MGAL
 KM = 1e3  # m
 
-# Sum of RMSE in km as printed, columns R = 1, 2, 3, 4 mGal (Tables 2 and 3).
-PRINTED = {
-    1: {
-        "Planned": (8.1, 14.4, 20.9, 27.4),
-        "Direct": (12.8, 22.8, 33.4, 44.6),
-        "L3": (21.6, 38.0, 56.0, 75.6),
-        "L4": (19.5, 34.3, 50.4, 67.1),
-        "L5": (13.8, 24.6, 36.3, 49.2),
-        "L6": (10.0, 17.7, 25.7, 34.0),
-        "L7": (9.5, 16.7, 24.0, 31.4),
-        "L8": (9.0, 15.7, 22.5, 29.3),
-        "L9": (9.6, 16.8, 24.2, 31.7),
-    },
-    2: {
-        "Planned": (30.4, 41.8, 54.6, 68.1),
-        "Direct": (66.4, 78.5, 93.3, 110.0),
-        "L3": (40.0, 55.4, 73.2, 92.5),
-        "L4": (31.3, 43.4, 56.6, 70.7),
-        "L5": (35.8, 46.7, 59.0, 72.2),
-        "L6": (41.5, 54.3, 68.7, 84.7),
-        "L7": (54.1, 67.6, 84.5, 104.0),
-        "L8": (52.5, 64.2, 79.4, 97.1),
-        "L9": (53.9, 68.6, 86.3, 106.0),
-        "L10": (49.3, 62.8, 80.5, 101.0),
-        "L11": (44.7, 63.0, 84.3, 108.0),
-        "L12": (50.0, 67.7, 89.0, 112.2),
-    },
-}
-PRINTED_NOISE_MGAL = (1.0, 2.0, 3.0, 4.0)
-
 BATCH = 250  # runs per unit of parallel work; fixed, so that results do not depend on threads
 
 
@@ -102,7 +72,7 @@ class Scenario:
         if not noises:
             raise checks.ParameterError("noise_mgal", noises, "must hold at least one value")
         self._set("noise_mgal", tuple(number("noise_mgal", value, above=0) for value in noises))
-        number("planning_noise_mgal", self.planning_noise_mgal, above=0)
+        checks.choice("planning_noise_mgal", self.planning_noise_mgal, self.noise_mgal)
         number("initial_std_km", self.initial_std_km, above=0)
         number("process_noise", self.process_noise, at_least=0)
         number("speed", self.speed, above=0)
@@ -217,6 +187,27 @@ def bow(start, goal, amplitude, count):
     return resample(start + share * along + amplitude * np.sin(np.pi * share) * side, count)
 
 
+def displaced(points, amplitude):
+    """Return a path (k, 2) moved sideways by a half-sine bow of `amplitude` m, equidistant."""
+    return resample(
+        points
+        + bow(points[0], points[-1], amplitude, len(points))
+        - bow(points[0], points[-1], 0.0, len(points)),
+        len(points),
+    )
+
+
+def nearest(paths, count):
+    """Return the names of the `count` bows nearest to the planned path, nearest first."""
+
+    def gap(name):
+        steps = paths["Planned"][:, None] - paths[name][None]
+        return np.hypot(steps[..., 0], steps[..., 1]).min(axis=1).mean()
+
+    bows = [name for name in paths if name not in ("Planned", "Direct")]
+    return sorted(bows, key=gap)[:count]
+
+
 def on_map(points, chart):
     """Tell whether every point (k, 2) in m lies on the map."""
     return bool((points >= 0).all() and (points <= np.asarray(chart.extent)).all())
@@ -307,13 +298,46 @@ def Q_step(scenario, points):
 
 def bound(scenario, chart, points, noise_mgal):
     """Return the PCRB along a path (samples, 2), linearised at the truth: (samples, 2, 2) m²."""
-    slopes = gravity.interpolate_gradient(gravity.gradient(chart), chart.spacing, points)
+    slopes = gravity.interpolate(gravity.gradient(chart), chart.spacing, points)
     return pcrb.pcrb(slopes, noise_mgal * MGAL, scenario.P0, Q_step(scenario, points))
+
+
+def expected_bound(scenario, chart, points, noise_mgal, nodes=7):
+    """Return the PCRB with the information averaged over the prior: (samples, 2, 2) m².
+
+    The expectation is over the truth, which lies around the planned path as the INS error
+    does, by Gauss-Hermite quadrature with `nodes` points per axis.
+    """
+    offsets, weights = np.polynomial.hermite_e.hermegauss(nodes)
+    shifts = np.stack(np.meshgrid(offsets, offsets), axis=-1).reshape(-1, 2)
+    truths = points + scenario.initial_std_km * KM * shifts[:, None]
+    slopes = gravity.interpolate(gravity.gradient(chart), chart.spacing, truths)
+    # The mean of w·HHᵀ with weights that sum to one is the plain mean of scaled gradients.
+    share = np.outer(weights, weights).ravel() / weights.sum() ** 2
+    slopes *= np.sqrt(share * len(share))[:, None, None]
+    Q = Q_step(scenario, points)
+    return pcrb.expected_pcrb(slopes, noise_mgal * MGAL, scenario.P0, Q)
 
 
 def root_trace(P):
     """Return the root of the trace of covariances (…, 2, 2): the two-dimensional RMSE."""
     return np.sqrt(np.trace(P, axis1=-2, axis2=-1))
+
+
+def filter_inputs(scenario, chart, noise, points, noise_mgal, assumed_mgal=None):
+    """Return the positional arguments that every matching filter takes."""
+    Q = Q_step(scenario, points)
+    return (
+        chart.anomaly,
+        chart.spacing,
+        points,
+        noise.initial * scenario.initial_std_km * KM,
+        noise.drift * np.sqrt(Q[0, 0]),
+        noise.measurement * noise_mgal * MGAL,
+        ((assumed_mgal or noise_mgal) * MGAL) ** 2,
+        scenario.P0,
+        Q,
+    )
 
 
 def run(scenario, chart, noise, points, noise_mgal, *, method="sitan", assumed_mgal=None):
@@ -331,19 +355,7 @@ def run(scenario, chart, noise, points, noise_mgal, *, method="sitan", assumed_m
     -------
     Score
     """
-    Q = Q_step(scenario, points)
-    R = ((assumed_mgal or noise_mgal) * MGAL) ** 2
-    inputs = (
-        chart.anomaly,
-        chart.spacing,
-        points,
-        noise.initial * scenario.initial_std_km * KM,
-        noise.drift * np.sqrt(Q[0, 0]),
-        noise.measurement * noise_mgal * MGAL,
-        R,
-        scenario.P0,
-        Q,
-    )
+    inputs = filter_inputs(scenario, chart, noise, points, noise_mgal, assumed_mgal)
     if method == "point mass":
         errors = point_mass.point_mass(*inputs)[0]
     else:
@@ -372,3 +384,21 @@ def run_all(scenario, chart, noise, paths, noises_mgal, **options):
     ]
     count = len(noises_mgal)
     return {name: whole[i * count : (i + 1) * count] for i, name in enumerate(paths)}
+
+
+def plane_check(scenario, noise):
+    """Return the error over the bound on a plane map at the end of a path, an `Estimate`.
+
+    On a plane SITAN's fit is exact, so it is the Kalman filter of a linear Gaussian problem.
+    The error is measured in the metric of the PCRB, half of the normalised squared error
+    (NEES / 2): one if the bound is reached along both axes, the one that the plane shows and
+    the one that it does not.
+    """
+    nodes = np.arange(121.0) * KM
+    plane = 1e-8 * nodes[None, :] + 2e-8 * nodes[:, None]
+    chart = gravity.GravityMap(plane, KM, "plane", "analytic")
+    points = resample(np.array([[40e3, 40e3], [80e3, 60e3]]), scenario.samples)
+    inputs = filter_inputs(scenario, chart, noise, points, scenario.planning_noise_mgal)
+    last = matching.sitan(*inputs).errors[:, -1]
+    P = bound(scenario, chart, points, scenario.planning_noise_mgal)[-1]
+    return montecarlo.mean(np.einsum("ri,ij,rj->r", last, np.linalg.inv(P), last) / 2)

@@ -38,6 +38,12 @@ class Score:
         return montecarlo.from_influence(self.rmse.sum(), self.influence)
 
     @property
+    def over_bound(self):
+        """Sum of RMSE over the sum of the root PCRB, an `Estimate`."""
+        scale = self.bound.sum()
+        return montecarlo.from_influence(self.rmse.sum() / scale, self.influence / scale)
+
+    @property
     def diverged(self):
         """Number of runs that end more than 1 km and four bounds away from the truth."""
         return int((self.squared[:, -1] > max(KM, 4 * self.bound[-1]) ** 2).sum())
