@@ -83,7 +83,7 @@ def test_samples_are_equidistant_on_a_corner():
     assert study.length(points) == pytest.approx(8.0)
 
 
-@pytest.mark.parametrize("goal", [(40e3, 10e3), (10e3, 50e3), (60e3, 40e3), (40e3, 40.1e3)])
+@pytest.mark.parametrize("goal", [(40e3, 10e3), (10e3, 50e3), (60e3, 45e3), (20e3, 38e3)])
 def test_positive_bow_lies_left_on_the_map(goal):
     start = np.array([40e3, 40e3])
     middle = study.bow(start, goal, 5e3, 101)[50] - (start + goal) / 2
@@ -166,12 +166,12 @@ def test_ratio_at_a_distance_uses_that_sample(squared):
 
 def test_distance_of_the_minimum_and_its_interval():
     along = np.arange(21.0)
-    squared = (along - 14.0) ** 2 + np.random.default_rng(7).gamma(1.0, 4.0, (400, 21))
+    squared = (along - 14.0) ** 2 + np.random.default_rng(7).gamma(1.0, 60.0, (400, 21))
     one = gravity_scores.Score(squared, np.ones(21), 20e3)
     weights = gravity_scores.resamples(study.Scenario(runs=400))
     estimate = gravity_scores.minimum_km(one, weights)
     assert estimate.low <= 14.0 <= estimate.high
-    assert 0 < estimate.high - estimate.low < 6
+    assert 0 < estimate.high - estimate.low < 10
 
 
 def test_rank_stability_is_one_for_one_order_and_minus_one_for_the_opposite():
@@ -206,10 +206,11 @@ def test_contour_length_obeys_the_coarea_formula():
     # The length of all contours per area is the gradient over the interval; on this ramp exactly.
     north, east = np.mgrid[0:41, 0:41] * 1e3
     ramp = gravity.GravityMap((3e-8 * east + 4e-8 * north), 1000.0, "ramp", "analytic")
-    lengths, steepness = gravity_scores.contour_density(ramp, interval_mgal=0.05, block=10)
+    lengths, steepness = gravity_scores.contour_density(ramp, levels=599, block=10)
     np.testing.assert_allclose(steepness, 5e-8)
     inner = lengths.reshape(4, 4)[1:3, 1:3]
-    np.testing.assert_allclose(inner, 5e-8 * 100e6 / 0.05e-5, rtol=0.02)
+    interval = (3e-8 + 4e-8) * 40e3 / 600
+    np.testing.assert_allclose(inner, 5e-8 * 100e6 / interval, rtol=0.02)
 
 
 def test_rank_correlation_matches_scipy_and_covers():

@@ -77,13 +77,29 @@ def anomaly_map(chart, points_km):
 
 def paths(chart, information, curves, points_km):
     """Draw the information map with every path; `information` in 1/km."""
-    fig, ax = plt.subplots(figsize=(7.4, 5.8))
+    fig, ax = plt.subplots(figsize=(6.6, 5.6))
     _field(ax, chart, information, r"information $M$ (1/km)", 12)
     for index, (name, points) in enumerate(curves.items()):
-        ax.plot(*(points.T / KM), label=name, **style(name, index))
+        look = style(name, index)
+        look.pop("marker", None)
+        ax.plot(*(points.T / KM), label=name, **look)
+        if name not in ("Planned", "Direct"):
+            box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.6}
+            middle = points[len(points) // 2] / KM
+            ax.annotate(name, middle, ha="center", va="center", fontsize="small", bbox=box)
     _mark(ax, points_km)
-    ax.legend(loc="center left", bbox_to_anchor=(1.24, 0.5), frameon=False)
+    handles, names = ax.get_legend_handles_labels()
+    ax.legend(handles[:2], names[:2], loc="upper right", fontsize="small")
     return fig
+
+
+def _decades(ax):
+    ax.set_yscale("log")
+    ticks = [0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0]
+    ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    ax.set_yticks([], minor=True)
+    low, high = ax.get_ylim()
+    ax.set_ylim(max(low, 0.02), min(high, 3.0))
 
 
 def rmse_curves(scores, level):
@@ -99,7 +115,8 @@ def rmse_curves(scores, level):
     planned = scores["Planned"][level]
     along = np.linspace(0.0, planned.length / KM, len(planned.rmse))
     ax.plot(along, planned.bound / KM, ":", color="black", label="PCRB, planned")
-    ax.set(xlabel="distance along the path (km)", ylabel="RMSE (km)", yscale="log")
+    ax.set(xlabel="distance along the path (km)", ylabel="RMSE (km)")
+    _decades(ax)
     ax.legend(ncols=2, frameon=False, fontsize="small")
     return fig
 
@@ -188,7 +205,8 @@ def methods(cases):
             ax.fill_between(along, low / KM, high / KM, color="0.5", alpha=0.2, linewidth=0)
         ax.plot(along, case.at_truth / KM, ":", color="black", label="PCRB at the truth")
         ax.plot(along, case.expected / KM, ":", color="0.6", linewidth=2.5, label="PCRB, prior")
-        ax.set(title=name, xlabel="distance along the path (km)", yscale="log")
+        ax.set(title=name, xlabel="distance along the path (km)")
+        _decades(ax)
     np.atleast_1d(axes)[0].set_ylabel("RMSE (km)")
     np.atleast_1d(axes)[-1].legend(frameon=False, fontsize="small")
     return fig

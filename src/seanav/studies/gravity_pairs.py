@@ -6,7 +6,7 @@ import numpy as np
 
 from seanav import montecarlo
 from seanav.filters import labels
-from seanav.models import gravity
+from seanav.models import gravity, gravity_sources
 from seanav.studies import gravity_planning as study
 from seanav.studies import gravity_scores
 
@@ -21,8 +21,8 @@ def maps(scenario, chart):
     latitude, longitude = SECOND_WINDOW_DEG
     return {
         "first map": chart,
-        "second map": gravity.load("geoid", latitude_deg=latitude, longitude_deg=longitude),
-        "synthetic": gravity.load("synthetic", seed=scenario.seed),
+        "second map": gravity_sources.load("geoid", latitude_deg=latitude, longitude_deg=longitude),
+        "synthetic": gravity_sources.load("synthetic", seed=scenario.seed),
     }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from seanav import checks, montecarlo
 from seanav.filters import labels, matching, pcrb, planning, point_mass
-from seanav.models import gravity
+from seanav.models import gravity, gravity_sources
 from seanav.studies.gravity_scores import Score
 
 MGAL = gravity.MGAL
@@ -110,7 +110,7 @@ class Scenario:
 
     def map(self):
         """Load the map and check that the nodes and the user's path lie on it."""
-        chart = gravity.load(
+        chart = gravity_sources.load(
             self.map_source,
             latitude_deg=self.map_latitude_deg,
             longitude_deg=self.map_longitude_deg,

@@ -152,7 +152,7 @@ def minimum_km(one, weights):
     return percentile_estimate(along[np.argmin(one.rmse)], replicates, weights.shape[1])
 
 
-def contour_density(chart, interval_mgal=2.0, block=10):
+def contour_density(chart, levels=16, block=10):
     """Return contour length and mean gradient per block of cells, two flat arrays.
 
     Drawn contours are measured line by line, so that "denser contours" is the paper's
@@ -162,8 +162,7 @@ def contour_density(chart, interval_mgal=2.0, block=10):
     cells = (np.array(field.shape) - 1) // block
     lengths = np.zeros(cells)
     lines = contour_generator(z=field)
-    first = np.ceil(field.min() / interval_mgal)
-    for level in interval_mgal * np.arange(first, field.max() / interval_mgal):
+    for level in np.linspace(field.min(), field.max(), levels + 2)[1:-1]:
         for line in lines.lines(level):
             middle = 0.5 * (line[1:] + line[:-1])
             steps = np.hypot(*np.diff(line, axis=0).T)
