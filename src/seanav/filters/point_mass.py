@@ -97,14 +97,13 @@ def _empty(weight, i0, i1, j0, j1):
 
 @kernel
 def _shrink(weight, box):
-    # One weight is one, so every loop ends before the box is empty.
-    while _empty(weight, box[0], box[0] + 1, box[2], box[3]):
+    while box[0] + 1 < box[1] and _empty(weight, box[0], box[0] + 1, box[2], box[3]):
         box[0] += 1
-    while _empty(weight, box[1] - 1, box[1], box[2], box[3]):
+    while box[0] + 1 < box[1] and _empty(weight, box[1] - 1, box[1], box[2], box[3]):
         box[1] -= 1
-    while _empty(weight, box[0], box[1], box[2], box[2] + 1):
+    while box[2] + 1 < box[3] and _empty(weight, box[0], box[1], box[2], box[2] + 1):
         box[2] += 1
-    while _empty(weight, box[0], box[1], box[3] - 1, box[3]):
+    while box[2] + 1 < box[3] and _empty(weight, box[0], box[1], box[3] - 1, box[3]):
         box[3] -= 1
 
 
