@@ -277,6 +277,18 @@ def test_every_step_equals_filterpy(grid, gradient):
         np.testing.assert_allclose(tracks.nis[r], expected[2], rtol=1e-7, atol=1e-10)
 
 
+def test_the_window_is_that_of_the_predicted_covariance():
+    inputs = truth, initial, drift, _ = simulate(10, steps=2)
+    Q = np.diag([3.1e6, 4.9e6])
+    tracks = matching.sitan(hills(), SPACING, *inputs, R, P0, Q)
+    i, j = np.rint((truth[1] + initial + drift[:, 1]).T[::-1] / SPACING).astype(int)
+    for r in range(10):
+        # about 1.1 km before and 2.4 km after the prediction
+        H = block_by_slices(hills(), i[r], j[r], 2)
+        expected = np.linalg.inv(np.linalg.inv(P0 + Q) + np.outer(H, H) / R)
+        np.testing.assert_allclose(tracks.P[r, 1], packed(expected), rtol=1e-8)
+
+
 def test_the_window_follows_the_covariance_on_hills():
     inputs = simulate(20)
     small, large = (
