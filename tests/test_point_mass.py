@@ -79,9 +79,10 @@ def test_every_step_equals_dense_bayes(Q):
         np.testing.assert_allclose(P[r], expected[1], rtol=1e-6, atol=1e-2)
 
 
-def test_the_map_is_clamped_at_its_border():
+@pytest.mark.parametrize("shift", [(-11e3, -13e3), (12.5e3, 14.5e3)], ids=["low", "high"])
+def test_the_map_is_clamped_at_its_border(shift):
     inputs = truth, initial, drift, noise = simulate(3)
-    truth -= [11e3, 13e3]
+    truth += shift
     errors, P = point_mass(waves(), SPACING, *inputs, R, P0, Q, cell=125.0, span_sigmas=4.0)
     for r in range(3):
         expected = dense(waves(), truth, initial[r], drift[r], noise[r], Q, 125.0, 4.0)

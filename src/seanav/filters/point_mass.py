@@ -97,14 +97,13 @@ def _empty(weight, i0, i1, j0, j1):
 
 @kernel
 def _shrink(weight, box):
-    # One weight is one, so every loop ends before the box is empty.
-    while _empty(weight, box[0], box[0] + 1, box[2], box[3]):
+    while box[0] + 1 < box[1] and _empty(weight, box[0], box[0] + 1, box[2], box[3]):
         box[0] += 1
-    while _empty(weight, box[1] - 1, box[1], box[2], box[3]):
+    while box[0] + 1 < box[1] and _empty(weight, box[1] - 1, box[1], box[2], box[3]):
         box[1] -= 1
-    while _empty(weight, box[0], box[1], box[2], box[2] + 1):
+    while box[2] + 1 < box[3] and _empty(weight, box[0], box[1], box[2], box[2] + 1):
         box[2] += 1
-    while _empty(weight, box[0], box[1], box[3] - 1, box[3]):
+    while box[2] + 1 < box[3] and _empty(weight, box[0], box[1], box[3] - 1, box[3]):
         box[3] -= 1
 
 
@@ -224,6 +223,10 @@ def point_mass(
 
     Notes
     -----
+    The posterior mean has the least mean square error when truths are drawn around the
+    INS position. In a simulation with one fixed truth it may be slightly above or below
+    another filter, and P above or below the mean square error.
+
     Source: N. Bergman, *Recursive Bayesian Estimation: Navigation and Tracking
     Applications*, thesis, Linköping University, 1999 (point-mass filter).
     """
