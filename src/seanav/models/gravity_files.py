@@ -111,9 +111,10 @@ def _open_geotiff(source, variable):
         dataset = rasterio.open(source)
     with dataset:
         matrix = dataset.transform
-        if dataset.crs is None or matrix.b != 0 or matrix.d != 0:
-            allowed = "must have a coordinate reference system and rows that run along its x axis"
-            raise ParameterError("map_source", source, allowed)
+        placed = dataset.crs and (dataset.crs.is_geographic or dataset.crs.is_projected)
+        if not placed or matrix.b != 0 or matrix.d != 0:
+            needs = "a geographic or projected reference system, and rows that run along its x axis"
+            raise ParameterError("map_source", source, f"must have {needs}")
         names = [text or str(band) for band, text in enumerate(dataset.descriptions, start=1)]
         label = _select(source, variable, names)
         band = names.index(label) + 1
