@@ -56,6 +56,27 @@ class GravityMap:
         object.__setattr__(self, "anomaly", anomaly)
         object.__setattr__(self, "spacing", number("spacing", self.spacing, above=0))
 
+    @classmethod
+    def from_mgal(cls, anomaly_mgal, spacing, *, name, source, centre=None):
+        """Map of values in mGal, rounded to a millionth of a milligal.
+
+        The Fourier transforms and splines behind a map differ in their last digit between
+        machines, and a planner that meets two equal costs would turn such a digit into
+        another path. The rounding, far below any gravimeter, takes it away.
+
+        Parameters
+        ----------
+        anomaly_mgal : array (north, east)
+            Anomaly, mGal.
+        spacing, name, source, centre
+            As for the class.
+
+        Returns
+        -------
+        GravityMap
+        """
+        return cls(np.round(anomaly_mgal, 6) * MGAL, spacing, name, source, centre)
+
     @property
     def anomaly_mgal(self):
         """Anomaly in mGal, shape (north, east)."""
@@ -206,3 +227,24 @@ def local_to_geodetic(east, north, centre):
     latitude = centre[0] + np.degrees(np.asarray(north, dtype=np.float64) / meridian)
     across = np.cos(np.radians(centre[0])) * prime_vertical
     return latitude, centre[1] + np.degrees(np.asarray(east, dtype=np.float64) / across)
+
+
+def square_nodes(centre, size, spacing):
+    """Latitudes of the rows and longitudes of the columns of a square map.
+
+    Parameters
+    ----------
+    centre : tuple of float
+        (latitude, longitude) of the middle of the map, degrees.
+    size : int
+        Nodes per side.
+    spacing : float
+        Distance between nodes, m.
+
+    Returns
+    -------
+    latitude_deg, longitude_deg : array (size,)
+        Degrees, by `local_to_geodetic`.
+    """
+    offset = (np.arange(size) - (size - 1) / 2) * spacing
+    return local_to_geodetic(offset, offset, centre)
