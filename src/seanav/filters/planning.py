@@ -12,7 +12,7 @@ import numpy as np
 
 from seanav import checks
 from seanav._compile import kernel
-from seanav.filters.pcrb import covariance, update
+from seanav.filters.pcrb import covariance, pcrb, update
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def _search(gradient, start, goal, R, P0, q, heuristic_rate):
                     parent[other] = cell
                     to_goal = np.sqrt(float((ni - goal_i) ** 2 + (nj - goal_j) ** 2))
                     heapq.heappush(heap, (cost + heuristic_rate * to_goal, other))
-    return G, P, parent, expanded, reopenings
+    return G[goal], parent, expanded, reopenings
 
 
 @dataclass(frozen=True)
@@ -98,13 +98,25 @@ class Problem:
     gradient: np.ndarray  # (2, north, east)
     start: int  # cell numbers, along the rows
     goal: int
-    R: float
+    noise: float
     P0: np.ndarray
     q: np.ndarray  # (2,) process noise of a straight and a diagonal step, m²
+
+    @property
+    def R(self):
+        """Variance of the measurement."""
+        return self.noise**2
 
     def nodes(self, cells):
         """Return the nodes (east, north) of cell numbers."""
         return np.column_stack([cells % self.gradient.shape[2], cells // self.gradient.shape[2]])
+
+    def bound(self, nodes):
+        """Return the bound (k, 2, 2) along adjacent nodes (k, 2)."""
+        diagonal = np.abs(np.diff(nodes, axis=0)).min(axis=1)
+        q = np.concatenate([[0.0], self.q[diagonal]])
+        slopes = self.gradient[:, nodes[:, 1], nodes[:, 0]].T
+        return pcrb(slopes, self.noise, self.P0, q[:, None, None] * np.eye(2))
 
 
 def problem(gradient, spacing, start, goal, noise, P0, process_noise, speed):
@@ -128,14 +140,9 @@ def problem(gradient, spacing, start, goal, noise, P0, process_noise, speed):
     spacing = checks.number("spacing", spacing, above=0)
     seconds = spacing / checks.number("speed", speed, above=0)
     rate = checks.number("process_noise", process_noise, at_least=0)
-    R = checks.number("noise", noise, above=0) ** 2
+    noise = checks.number("noise", noise, above=0)
     q = rate * seconds * np.array([1.0, np.sqrt(2.0)])
-    return Problem(gradient, *cells, R, covariance("P0", P0), q)
-
-
-def matrices(P):
-    """Return (k, 2, 2) covariances from their three numbers (k, 3)."""
-    return P[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+    return Problem(gradient, *cells, noise, covariance("P0", P0), q)
 
 
 def plan(gradient, spacing, start, goal, noise, P0, process_noise, speed):
@@ -175,13 +182,11 @@ def plan(gradient, spacing, start, goal, noise, P0, process_noise, speed):
     """
     task = problem(gradient, spacing, start, goal, noise, P0, process_noise, speed)
     heuristic_rate = 2.0 * task.q[0]  # per step of one spacing; the trace counts two axes
-    G, P, parent, expanded, reopenings = _search(
+    cost, parent, expanded, reopenings = _search(
         task.gradient, task.start, task.goal, task.R, task.P0, task.q, heuristic_rate
     )
     cells = [task.goal]
     while cells[-1] != task.start:
         cells.append(parent[cells[-1]])
-    cells = np.array(cells[::-1])
-    return Plan(
-        task.nodes(cells), matrices(P[cells]), float(G[task.goal]), expanded, int(reopenings)
-    )
+    nodes = task.nodes(np.array(cells[::-1]))
+    return Plan(nodes, task.bound(nodes), cost, expanded, reopenings)
