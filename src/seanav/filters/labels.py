@@ -1,0 +1,306 @@
+"""Path planning over the posterior Cramér-Rao bound with several labels per cell.
+
+The cost of going on depends on the covariance with which a cell is reached, so one label
+per cell (`seanav.filters.planning`) can throw the optimum away. Here a label (G, P) is
+discarded only if another one at its cell has G₁ ≤ G₂ and P₁ ⪯ (1 + ε) P₂. The recursion
+is monotone in P, so with ε = 0 no better walk is ever lost; with ε > 0 the result is a
+better path, not an optimum.
+
+The search is ordered by F = G + h with a lower bound h of the remaining cost. Let J = P⁻¹
+at a cell, d its Chebyshev distance to the goal, and u, v orthonormal. Every walk to the
+goal has at least d more steps. Without process noise, which only adds, its covariance
+after k of them is (J + Σ g gᵀ/R)⁻¹ with the slopes g of the k cells entered, and
+eᵀA⁻¹e ≥ 1/(eᵀAe) (Cauchy-Schwarz) for e = u and e = v. With S_k^e the largest Σ (eᵀg)²/R
+over all walks of k steps from the cell,
+
+    h = Σ_{k=1…d} max over pairs (u, v) of Σ_{e=u,v} 1/(eᵀJe + S_k^e).
+
+h falls by at most the trace of the new bound along a step: S_k^e ≥ (eᵀg)²/R + S_{k−1}^e
+of the cell entered, and J grows there by at most g gᵀ/R. So F never falls along a walk,
+and the smallest F among the open labels bounds every walk that is not finished.
+"""
+
+import heapq
+from dataclasses import dataclass
+
+import numpy as np
+
+from seanav import checks
+from seanav._compile import kernel
+from seanav.filters.planning import plan, problem, step
+
+# Eight directions 22.5° apart; directions m and m + 4 are an orthonormal pair.
+_EAST = np.cos(np.pi / 8 * np.arange(8))
+_NORTH = np.sin(np.pi / 8 * np.arange(8))
+
+# Equal covariances differ by rounding when the same cells are visited in another order.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class LabelPlan:
+    """A path planned with several labels per cell.
+
+    Attributes
+    ----------
+    nodes : (k, 2) ndarray of int
+        Nodes (east, north) from start to goal; a walk, cells may come twice.
+    covariance : (k, 2, 2) ndarray
+        Bound at each node, m²; the first is `P0`.
+    cost : float
+        Sum of the traces of the bound over all nodes after the start, m².
+    lower_bound : float
+        No walk from start to goal costs less than this, m² (up to rounding, 1e-9 of it).
+    complete : bool
+        Whether the search came to its end before the limit of expansions.
+    expanded : int
+        Labels taken from the open list.
+    labels : int
+        Labels stored.
+    """
+
+    nodes: np.ndarray
+    covariance: np.ndarray
+    cost: float
+    lower_bound: float
+    complete: bool
+    expanded: int
+    labels: int
+
+
+@kernel
+def _gain_table(gradient, table):
+    north, east, steps = table.shape[:3]
+    padded = np.full((north + 2, east + 2), -np.inf)  # a border that no walk enters
+    gain = np.empty((north, east))
+    for e in range(8):
+        best = np.zeros((north, east))
+        for i in range(north):
+            for j in range(east):
+                gain[i, j] = (_EAST[e] * gradient[0, i, j] + _NORTH[e] * gradient[1, i, j]) ** 2
+        for k in range(steps):
+            for i in range(north):
+                for j in range(east):
+                    padded[i + 1, j + 1] = gain[i, j] + best[i, j]
+            for i in range(north):
+                for j in range(east):
+                    above = max(padded[i, j], padded[i, j + 1], padded[i, j + 2])
+                    below = max(padded[i + 2, j], padded[i + 2, j + 1], padded[i + 2, j + 2])
+                    most = max(above, below, padded[i + 1, j], padded[i + 1, j + 2])
+                    best[i, j] = most
+                    # Rounded up: a bound from below needs a gain from above.
+                    table[i, j, k, e] = np.nextafter(np.float32(most), np.float32(np.inf))
+
+
+def gain_table(gradient):
+    """Tabulate how much a walk can learn: R S_k^e for every cell, length and direction.
+
+    Parameters
+    ----------
+    gradient : (2, north, east) ndarray
+        Slopes of the map to the east and to the north, (m/s²)/m.
+
+    Returns
+    -------
+    (north, east, steps, 8) ndarray of float32
+        The largest sum of (eᵀ∇h)² over all walks of 1, 2, … steps from the cell, the cell
+        itself not counted, rounded up. It serves every start, goal and noise.
+    """
+    gradient = np.ascontiguousarray(gradient, dtype=float)
+    north, east = gradient.shape[1:]
+    table = np.empty((north, east, max(north, east) - 1, 8), dtype=np.float32)
+    _gain_table(gradient, table)
+    return table
+
+
+@kernel
+def remaining(ee, en, nn, gains, steps, R):
+    """Return the bound h of the module's text; `gains` (steps, 8) belong to the cell."""
+    scale = R / (ee * nn - en * en)
+    own = np.empty(8)  # R eᵀJe
+    part = np.empty(8)
+    for e in range(8):
+        x, y = _EAST[e], _NORTH[e]
+        own[e] = scale * (x * x * nn - 2.0 * x * y * en + y * y * ee)
+    total = 0.0
+    for k in range(steps):
+        for e in range(8):
+            part[e] = 1.0 / (own[e] + gains[k, e])
+        first = max(part[0] + part[4], part[1] + part[5])
+        total += max(first, part[2] + part[6], part[3] + part[7])
+    return R * total
+
+
+@kernel
+def _below(one, other, factor):
+    """Tell whether P₁ ⪯ factor · P₂ for two labels (ee, en, nn, …)."""
+    ee = factor * other[0] - one[0]
+    nn = factor * other[2] - one[2]
+    en = factor * other[1] - one[1]
+    return ee >= 0.0 and nn >= 0.0 and ee * nn >= en * en
+
+
+@kernel
+def _doubled(array):
+    out = np.empty((2 * len(array), *array.shape[1:]), array.dtype)
+    out[: len(array)] = array
+    return out
+
+
+@kernel
+def _search(gradient, table, start, goal, R, P0, q, factor, cost, max_expansions):
+    # Labels are rows of `state` (ee, en, nn, G) and `link` (cell, parent, next). The labels
+    # of a cell are a list linked by `next`, sorted by G. Ties in F go to the older label.
+    north, east = gradient.shape[1:]
+    goal_i, goal_j = goal // east, goal % east
+    state = np.empty((1024, 4))
+    link = np.empty((1024, 3), np.int64)
+    dropped = np.zeros(1024, np.bool_)
+    head = np.full(north * east, -1)
+    new = np.empty(4)
+    state[0] = P0[0, 0], P0[0, 1], P0[1, 1], 0.0
+    link[0] = start, -1, -1
+    head[start] = 0
+    count, expanded, arrived = 1, 0, -1
+    i, j = start // east, start % east
+    distance = max(abs(i - goal_i), abs(j - goal_j))
+    at_start = remaining(P0[0, 0], P0[0, 1], P0[1, 1], table[i, j], distance, R)
+    heap = [(at_start, 0)]
+    while len(heap) > 0 and heap[0][0] < cost and expanded < max_expansions:
+        label = heapq.heappop(heap)[1]
+        if dropped[label]:
+            continue
+        expanded += 1
+        cell = link[label, 0]
+        i, j = cell // east, cell % east
+        for di in range(-1, 2):
+            for dj in range(-1, 2):
+                ni, nj = i + di, j + dj
+                inside = 0 <= ni < north and 0 <= nj < east
+                if not inside or (di == 0 and dj == 0):
+                    continue
+                q_step = q[1] if di != 0 and dj != 0 else q[0]
+                ee, en, nn = state[label, 0], state[label, 1], state[label, 2]
+                ee, en, nn = step(ee, en, nn, gradient, ni, nj, R, q_step)
+                G = state[label, 3] + ee + nn
+                if G >= cost:
+                    continue
+                new[0], new[1], new[2], new[3] = ee, en, nn, G
+                other = ni * east + nj
+
+                before, after = -1, head[other]
+                dominated = False
+                while after >= 0 and state[after, 3] <= G and not dominated:
+                    dominated = _below(state[after], new, factor)
+                    before, after = after, link[after, 2]
+                if dominated:
+                    continue
+                distance = max(abs(ni - goal_i), abs(nj - goal_j))
+                F = G + remaining(ee, en, nn, table[ni, nj], distance, R)
+                if F >= cost:
+                    continue
+
+                if count == len(state):
+                    state, link, dropped = _doubled(state), _doubled(link), _doubled(dropped)
+                state[count] = new
+                link[count] = other, label, after
+                dropped[count] = False
+                if before < 0:
+                    head[other] = count
+                else:
+                    link[before, 2] = count
+                before = count
+                while after >= 0:
+                    if _below(new, state[after], factor):
+                        dropped[after] = True
+                        link[before, 2] = link[after, 2]
+                    else:
+                        before = after
+                    after = link[after, 2]
+                if other == goal:
+                    cost, arrived = G, count
+                else:
+                    heapq.heappush(heap, (F, count))
+                count += 1
+    while len(heap) > 0 and dropped[heap[0][1]]:
+        heapq.heappop(heap)
+    lowest = min(heap[0][0], cost) if len(heap) > 0 else cost
+    path = [arrived]
+    while path[-1] >= 0:
+        path.append(link[path[-1], 1])
+    cells = np.array([link[label, 0] for label in path[-2::-1]])
+    return cells, cost, lowest, at_start, expanded, count
+
+
+def _known_path(task, incumbent):
+    nodes = np.asarray(incumbent.nodes)
+    ends = task.nodes(np.array([task.start, task.goal]))
+    adjacent = (np.abs(np.diff(nodes, axis=0)).max(axis=1) == 1).all()
+    if not adjacent or not np.array_equal(nodes[[0, -1]], ends):
+        allowed = "must be a plan over adjacent nodes from start to goal"
+        raise checks.ParameterError("incumbent", f"plan of {len(nodes)} nodes", allowed)
+    return nodes
+
+
+def plan_labels(
+    gradient,
+    spacing,
+    start,
+    goal,
+    noise,
+    P0,
+    process_noise,
+    speed,
+    *,
+    epsilon,
+    max_expansions=1_000_000,
+    incumbent=None,
+    table=None,
+):
+    """Plan a walk with several labels per cell, see the module's text for the method.
+
+    Parameters
+    ----------
+    gradient, spacing, start, goal, noise, P0, process_noise, speed
+        As for `seanav.filters.planning.plan`.
+    epsilon : float
+        Tolerance of the dominance between covariances. Zero is exact, but needs very many
+        labels except on small grids.
+    max_expansions : int
+        Labels to expand at most; then the search stops.
+    incumbent : Plan or LabelPlan, optional
+        A path that is known already (default: the A* plan). Labels that cannot become
+        cheaper are discarded, and it is returned if nothing cheaper is found.
+    table : ndarray, optional
+        ``gain_table(gradient)``, if it has been computed already.
+
+    Returns
+    -------
+    LabelPlan
+        With ``epsilon = 0`` its lower bound is that of the search when it ended (the cost
+        itself if `complete`), else the one at the start.
+
+    Raises
+    ------
+    ParameterError
+        As `plan`, and if `epsilon` is negative, `max_expansions` is below one, or
+        `incumbent` does not lead from start to goal.
+    """
+    inputs = (gradient, spacing, start, goal, noise, P0, process_noise, speed)
+    task = problem(*inputs)
+    epsilon = checks.number("epsilon", epsilon, at_least=0)
+    limit = checks.integer("max_expansions", max_expansions, at_least=1)
+    if table is None:
+        table = gain_table(task.gradient)
+    nodes = _known_path(task, plan(*inputs) if incumbent is None else incumbent)
+    known = float(np.trace(task.bound(nodes)[1:], axis1=1, axis2=2).sum())
+    factor = (1.0 + epsilon) * (1.0 + _ROUNDING)
+    cells, cost, lowest, at_start, expanded, count = _search(
+        task.gradient, table, task.start, task.goal, task.R, task.P0, task.q, factor, known, limit
+    )
+    if len(cells) > 0:
+        nodes = task.nodes(cells)
+    lower = lowest if epsilon == 0 else min(at_start, cost)
+    # The search has ended, and not been cut off, when nothing below the cost is open.
+    complete = not lowest < cost
+    return LabelPlan(nodes, task.bound(nodes), cost, lower, complete, expanded, count)
