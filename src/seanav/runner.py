@@ -151,6 +151,8 @@ def _execute(root, stem, folder, chosen):
             parameters=chosen,
             kernel_name="python3",
             progress_bar=bool(terminal),
+            # Without this every run warns that a kernel on this machine is not encrypted.
+            extra_arguments=["--log-level=ERROR"],
             cwd=root,
         )
         _demand_complete(root, book, folder / stem)
