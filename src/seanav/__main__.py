@@ -1,0 +1,75 @@
+"""``python -m seanav``: list papers, run them, check their results, list their claims."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from seanav import runner
+from seanav.report import significant
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Do what the command line asks; return the exit status."""
+    checkout = Path(__file__).resolve().parents[2]
+    parser = argparse.ArgumentParser(prog="python -m seanav", description=__doc__)
+    parser.add_argument("--root", type=Path, default=checkout, help="the checkout")
+    commands = parser.add_subparsers(dest="command", required=True)
+    commands.add_parser("list", help="list the papers")
+    run = commands.add_parser("run", help="run the notebooks")
+    run.add_argument("--quick", action="store_true", help="reduced runs, below build/")
+    run.add_argument("--param", nargs="*", default=[], metavar="NAME=VALUE", help="below build/")
+    store = commands.add_parser(
+        "store", help="keep the outputs of the last full runs in notebooks/"
+    )
+    check = commands.add_parser("check", help="compare fresh results with the committed ones")
+    check.add_argument("--fresh", type=Path, help="default: build/nbval")
+    check.add_argument("--rtol", type=float, default=1e-6, help="default: %(default)g")
+    claims = commands.add_parser("claims", help="list the claims and their verdicts")
+    for command in (run, store, claims):
+        command.add_argument("--paper", metavar="PAPER", help="number or name; default: all")
+    given = parser.parse_args(arguments)
+    try:
+        return globals()[f"_{given.command}"](given.root.resolve(), given)
+    except runner.Refused as error:
+        print(error, file=sys.stderr)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+    return 1
+
+
+def _list(root, given):
+    for stem in runner.papers(root):
+        print(stem)
+    return 0
+
+
+def _run(root, given):
+    for stem in runner.papers(root, given.paper):
+        runner.run(root, stem, given.quick, tuple(given.param))
+    return 0
+
+
+def _store(root, given):
+    for stem in runner.papers(root, given.paper):
+        runner.store(root, stem)
+    return 0
+
+
+def _check(root, given):
+    wrong = runner.check(root, given.fresh or root / "build" / "nbval", given.rtol)
+    print("\n".join(wrong), file=sys.stderr, end="\n" if wrong else "")
+    print(f"{len(runner.papers(root))} papers checked, {len(wrong)} differences")
+    return 1 if wrong else 0
+
+
+def _claims(root, given):
+    everything = runner.claims(root)
+    for stem in runner.papers(root, given.paper):
+        for number, claim in everything.get(stem, {}).items():
+            value = "" if claim["value"] is None else f" ({significant(claim['value'])})"
+            print(f"{number} {claim['verdict']}: {claim['claim']}{value}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
