@@ -51,7 +51,7 @@ class Scenario:
     runs: int = 1000
     window_sigmas: float = 1.0
     epsilon: float = 0.3
-    bound_expansions: int = 1_000_000
+    bound_expansions: int = 30_000
     pairs: int = 60
     label_pairs: int = 14
     seed: int = 5
