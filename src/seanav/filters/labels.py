@@ -183,7 +183,7 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, max_expansions
                 ee, en, nn = state[label, 0], state[label, 1], state[label, 2]
                 ee, en, nn = step(ee, en, nn, gradient, ni, nj, R, q_step)
                 G = state[label, 3] + ee + nn
-                if G >= cost:
+                if cost <= G:
                     continue
                 new[0], new[1], new[2], new[3] = ee, en, nn, G
                 other = ni * east + nj
@@ -197,7 +197,7 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, max_expansions
                     continue
                 distance = max(abs(ni - goal_i), abs(nj - goal_j))
                 F = G + remaining(ee, en, nn, table[ni, nj], distance, R)
-                if F >= cost:
+                if cost <= F:
                     continue
 
                 if count == len(state):
@@ -283,8 +283,8 @@ def plan_labels(
     Raises
     ------
     ParameterError
-        As `plan`, and if `epsilon` is negative, `max_expansions` is below one, or
-        `incumbent` does not lead from start to goal.
+        As `plan`, and if `epsilon` is negative, `max_expansions` is below one,
+        `incumbent` does not lead from start to goal, or `table` does not fit the map.
     """
     inputs = (gradient, spacing, start, goal, noise, P0, process_noise, speed)
     task = problem(*inputs)
@@ -292,6 +292,10 @@ def plan_labels(
     limit = checks.integer("max_expansions", max_expansions, at_least=1)
     if table is None:
         table = gain_table(task.gradient)
+    north, east = task.gradient.shape[1:]
+    if table.shape != (north, east, max(north, east) - 1, 8):
+        shape = f"array of shape {table.shape}"
+        raise checks.ParameterError("table", shape, "must be gain_table(gradient)")
     nodes = _known_path(task, plan(*inputs) if incumbent is None else incumbent)
     known = float(np.trace(task.bound(nodes)[1:], axis1=1, axis2=2).sum())
     factor = (1.0 + epsilon) * (1.0 + _ROUNDING)

@@ -65,7 +65,7 @@ def covariance(name, value):
         raise checks.ParameterError(name, value, allowed) from None
     usable = P.shape == (2, 2) and np.isfinite(P).all() and P[0, 1] == P[1, 0]
     if not usable or P[0, 0] <= 0 or np.linalg.det(P) <= 0:
-        raise checks.ParameterError(name, value, allowed)
+        raise checks.ParameterError(name, P.tolist(), allowed)
     return P
 
 
