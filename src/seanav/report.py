@@ -33,10 +33,8 @@ def significant(x: float | Estimate, digits: int = 3) -> str:
     prints is the same on every machine.
     """
     if isinstance(x, Estimate):
-        value = significant(x.value, digits)
-        if x.low == x.high:
-            return value
-        return f"{value} [{significant(x.low, digits)}, {significant(x.high, digits)}]"
+        value, low, high = (significant(float(y), digits) for y in (x.value, x.low, x.high))
+        return value if x.low == x.high else f"{value} [{low}, {high}]"
     if isinstance(x, Integral):
         return str(int(x))
     x = float(x)

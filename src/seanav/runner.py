@@ -352,6 +352,8 @@ def check(root: Path, fresh: Path, rtol: float = 1e-6) -> list[str]:
     """
     path = root / "tests" / "tolerances.toml"
     exceptions = tomllib.loads(path.read_text())["exception"] if path.exists() else []
+    if not all(exception.get("reason") for exception in exceptions):
+        raise Refused(f"{path.name}: every exception needs a reason")
     wrong = []
     for stem in papers(root):
         committed, entry = root / "paper_figures" / stem, _manifest(root).get(stem)
@@ -407,19 +409,20 @@ def _flat(x, key=""):
 
 def _differences(name, old, new, rtol, exceptions):
     wrong = []
-    for key in old.keys() | new.keys():
-        where = f"{name}: {key}"
-        fitting = [e for e in exceptions if fnmatch.fnmatch(where, e["match"]) and e["reason"]]
-        allowed = {"rel_tol": rtol, "abs_tol": 0.0}
-        for e in fitting:
-            allowed = {"rel_tol": e.get("rtol", rtol), "abs_tol": e.get("atol", 0.0)}
-        if not _close(old.get(key, "missing"), new.get(key, "missing"), allowed):
-            wrong.append(f"{where}: {old.get(key, 'missing')} was {new.get(key, 'missing')} here")
-    return sorted(wrong)
+    for key in sorted(old.keys() | new.keys()):
+        where, was, now = f"{name}: {key}", old.get(key, "missing"), new.get(key, "missing")
+        allowed = {"rtol": rtol, "atol": 0.0}
+        for exception in exceptions:
+            if fnmatch.fnmatch(where, exception["match"]):
+                allowed |= exception
+        if not _close(was, now, allowed):
+            wrong.append(f"{where}: {was} was {now} here")
+    return wrong
 
 
 def _close(a, b, allowed):
     try:
-        return math.isclose(float(a), float(b), **allowed)
+        close = math.isclose(float(a), float(b), rel_tol=allowed["rtol"], abs_tol=allowed["atol"])
     except (TypeError, ValueError):
         return a == b
+    return close

@@ -1,0 +1,348 @@
+"""Results of a notebook: rounding, verdicts, agreement, and files that do not change."""
+
+import csv
+import json
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from matplotlib import image
+from matplotlib import pyplot as plt
+
+from seanav.montecarlo import Estimate, exact, from_influence, root_mean_square
+from seanav.report import VERDICTS, Condition, Report, agrees, json_text, significant, verdict
+
+
+@dataclass(frozen=True)
+class Scenario:
+    runs: int = 1000
+    radii_km: tuple = (1.0, 2.5)
+
+
+@pytest.fixture
+def results(tmp_path, monkeypatch):
+    monkeypatch.setenv("SEANAV_RESULTS", str(tmp_path))
+    return tmp_path / "9_tiny"
+
+
+@pytest.fixture
+def report(results):
+    return Report("9_tiny", scenario=Scenario(), seed=7)
+
+
+def between(low, high):
+    return Estimate((low + high) / 2, low, high, (high - low) / 4, 100)
+
+
+# ---------------------------------------------------------------- rounding
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (0.93216, "0.932"),
+        (1.0, "1.00"),
+        (110.04, "110"),
+        (12345.6, "12300"),
+        (999.6, "1000"),
+        (0.00012345, "0.000123"),
+        (0.000012345, "1.23e-05"),
+        (1234567.0, "1.23e+06"),
+        (-2.0, "-2.00"),
+        (-0.0, "0"),
+        (1000, "1000"),
+        (np.int64(123456), "123456"),
+        (np.float64(0.25), "0.250"),
+        (math.inf, "inf"),
+    ],
+)
+def test_significant_digits(number, text):
+    assert significant(number) == text
+
+
+def test_significant_keeps_three_digits_of_any_number():
+    numbers = 10.0 ** np.random.default_rng(1).uniform(-8, 8, 500)
+    for x in numbers:
+        assert float(significant(x)) == pytest.approx(x, rel=0.5e-2)
+        assert float(significant(x, 6)) == pytest.approx(x, rel=0.5e-5)
+
+
+def test_significant_shows_an_interval_only_where_there_is_one():
+    assert significant(between(0.9, 1.1)) == "1.00 [0.900, 1.10]"
+    assert significant(exact(3.0)) == "3.00"
+
+
+def test_json_keeps_ten_digits_and_refuses_what_is_not_a_number():
+    content = {"a": np.array([1 / 3, 2.0]), "n": np.int64(3), "yes": np.bool_(True), "none": None}
+    assert json.loads(json_text(content)) == {
+        "a": [0.3333333333, 2.0],
+        "n": 3,
+        "yes": True,
+        "none": None,
+    }
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        json_text({"a": math.nan})
+
+
+# ---------------------------------------------------------------- verdicts
+
+
+@pytest.mark.parametrize(
+    ("interval", "outcome"),
+    [
+        ((0.1, 0.9), "holds"),
+        ((0.5, 1.0), "holds"),  # the end belongs to the region
+        ((0.9, 1.1), "straddles"),
+        ((1.0, 1.1), "straddles"),
+        ((1.1, 1.2), "fails"),
+    ],
+)
+def test_condition_looks_at_the_whole_interval(interval, outcome):
+    assert Condition("c", between(*interval), high=1.0).outcome == outcome
+    # The same mirrored: a claim of "at least".
+    mirrored = between(-interval[1], -interval[0])
+    assert Condition("c", mirrored, low=-1.0).outcome == outcome
+
+
+def test_condition_between_two_bounds():
+    assert Condition("c", between(1, 2), 0, 3).outcome == "holds"
+    assert Condition("c", between(-1, 4), 0, 3).outcome == "straddles"
+    assert Condition("c", between(4, 5), 0, 3).outcome == "fails"
+    assert Condition("c", between(-5, -4), 0, 3).outcome == "fails"
+
+
+HOLDS = Condition("near", between(1, 2), low=0)
+FAILS = Condition("far", between(-2, -1), low=0)
+STRADDLES = Condition("between", between(-1, 1), low=0)
+
+
+@pytest.mark.parametrize(
+    ("conditions", "expected"),
+    [
+        ([HOLDS, HOLDS], "reproduced"),
+        ([FAILS, FAILS], "not reproduced"),
+        ([HOLDS, FAILS], "partly"),
+        ([STRADDLES], "partly"),
+        ([HOLDS, STRADDLES], "partly"),
+        ([FAILS, STRADDLES], "partly"),
+        ([], "cannot be tested"),
+    ],
+)
+def test_verdict(conditions, expected):
+    assert verdict(conditions) == expected
+    assert expected in VERDICTS
+
+
+# ---------------------------------------------------------------- agreement
+
+
+def test_agreement_is_two_standard_errors_of_the_log_difference():
+    ours = Estimate(10.0, 9.0, 11.0, 0.3, 100)
+    limit = 2 * math.sqrt(0.03**2 + 0.03**2)
+    assert agrees(10.0 * math.exp(0.999 * limit), ours)
+    assert agrees(10.0 * math.exp(-0.999 * limit), ours)
+    assert not agrees(10.0 * math.exp(1.001 * limit), ours)
+    assert not agrees(10.0 * math.exp(-1.001 * limit), ours)
+    # The paper ran fewer runs: its error counts with its own size.
+    limit = 2 * math.sqrt(0.03**2 + 0.06**2)
+    assert agrees(10.0 * math.exp(0.999 * limit), ours, paper_runs_se=0.6)
+    assert not agrees(10.0 * math.exp(1.001 * limit), ours, paper_runs_se=0.6)
+
+
+def test_agreement_of_numbers_without_a_logarithm():
+    assert not agrees(-1.0, between(0.9, 1.1))
+    assert not agrees(0.0, between(0.9, 1.1))
+    assert not agrees(1.0, exact(0.0))
+    assert agrees(0.0, exact(0.0))
+    assert agrees(-1.0, Estimate(-1.01, -1.1, -0.9, 0.05, 10))
+
+
+def test_agreement_of_two_samples_of_one_truth_is_about_95_percent():
+    rng = np.random.default_rng(5)
+
+    def rmse():
+        return root_mean_square(rng.normal(0, 3.0, 300) ** 2)
+
+    share = np.mean([agrees(rmse().value, rmse()) for _ in range(1000)])
+    assert 0.93 < share < 0.975
+    # Negative control: a tenth more is seen often.
+    assert np.mean([agrees(1.1 * rmse().value, rmse()) for _ in range(1000)]) < 0.75
+
+
+# ---------------------------------------------------------------- files
+
+
+def fill(report):
+    fig, ax = plt.subplots()
+    ax.plot([0.0, 1.0], [1.0, 0.5], label="error (m)")
+    picture = report.figure(1, fig, "A line")
+    report.table(2, ["path", "rmse_km"], [["direct", 1 / 3], ["planned", np.int64(2)]], "Sums")
+    report.parameters(
+        [("runs", 1000, "", "text", "Table 1"), ("radii_km", (1.0, 2.5), "km", "assumed")]
+    )
+    report.deviation("2", "direct", "R = 1", 8.1, Estimate(8.0, 7.8, 8.2, 0.1, 1000))
+    report.claim("9.10", "later", [], "no statement")
+    report.claim("9.2", "smaller", [FAILS, STRADDLES], "Monte Carlo")
+    report.claim("9.1", "exact", [Condition("map", exact(3.0), low=2.0)], "a count")
+    report.finish(["9.1", "9.2", "9.10"])
+    return picture
+
+
+def test_files_are_those_that_the_project_promises(report, results):
+    fill(report)
+    assert sorted(path.name for path in results.iterdir()) == [
+        "claims.json",
+        "deviations.csv",
+        "figure_01.pdf",
+        "figure_01.png",
+        "parameters.csv",
+        "table_2.csv",
+    ]
+    assert (results / "table_2.csv").read_text() == (
+        "path,rmse_km\ndirect,0.3333333333\nplanned,2\n"
+    )
+    assert (results / "deviations.csv").read_text() == (
+        "table,row,column,printed,ours,low,high,agrees\n2,direct,R = 1,8.1,8,7.8,8.2,true\n"
+    )
+    with (results / "parameters.csv").open() as file:
+        rows = list(csv.reader(file))
+    assert rows[0] == ["name", "value", "unit", "origin"]
+    assert rows[1:] == [
+        ["runs", "1000", "", "text: Table 1"],
+        ["radii_km", "(1.0, 2.5)", "km", "assumed"],
+    ]
+
+
+def test_claims_have_the_promised_form(report, results):
+    fill(report)
+    claims = json.loads((results / "claims.json").read_text())
+    assert list(claims) == ["9.1", "9.2", "9.10"]
+    assert claims["9.1"] == {
+        "claim": "exact",
+        "verdict": "reproduced",
+        "value": 3.0,
+        "interval": None,
+        "basis": "a count. map: 3.00, claimed at least 2.00, holds.",
+    }
+    assert claims["9.2"]["interval"] == [-2.0, -1.0]
+    assert claims["9.2"]["verdict"] == "partly"
+    # The basis says which condition failed and which one straddles.
+    assert "far: -1.50 [-2.00, -1.00], claimed at least 0, fails" in claims["9.2"]["basis"]
+    assert "between: 0 [-1.00, 1.00], claimed at least 0, straddles" in claims["9.2"]["basis"]
+    assert claims["9.10"]["value"] is None
+    assert claims["9.10"]["verdict"] == "cannot be tested"
+
+
+def test_quick_claims_are_marked(results):
+    fill(Report("9_tiny", scenario=Scenario(), seed=7, quick=True))
+    claims = json.loads((results / "claims.json").read_text())
+    assert all(claim["quick"] is True for claim in claims.values())
+
+
+def test_part_for_the_manifest(report, results):
+    fill(report)
+    assert json.loads(results.with_suffix(".json").read_text()) == {
+        "seed": 7,
+        "quick": False,
+        "parameters": {"runs": 1000, "radii_km": [1.0, 2.5]},
+        "headline": {"9.1": "3.00", "9.2": "-1.50"},
+    }
+
+
+def test_files_are_byte_identical_on_a_rerun(results, monkeypatch):
+    def once(epoch):
+        # Dates in a file would come from the clock or from this variable.
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", epoch)
+        fill(Report("9_tiny", scenario=Scenario(), seed=7))
+        return {path.name: path.read_bytes() for path in results.iterdir()}
+
+    assert once("1000000000") == once("1700000000")
+
+
+def test_figure_is_the_saved_picture_with_200_dots_per_inch(report, results):
+    picture = fill(report)
+    assert picture.data == (results / "figure_01.png").read_bytes()
+    height, width, _ = image.imread(results / "figure_01.png").shape
+    assert (width, height) == (1280, 800)  # 6.4 by 4 inches
+
+
+def test_figure_closes_what_it_saved(report):
+    before = plt.get_fignums()
+    fig, _ = plt.subplots()
+    report.figure("B1", fig, "beyond")
+    assert plt.get_fignums() == before
+
+
+def test_lines_differ_in_grey_by_their_dashes(report):
+    cycle = plt.rcParams["axes.prop_cycle"].by_key()
+    assert len(set(map(str, cycle["linestyle"]))) == len(cycle["color"]) == 8
+
+
+def test_what_is_printed_is_rounded(report, capsys):
+    fill(report)
+    printed = capsys.readouterr().out
+    assert "direct   0.333\n" in printed
+    assert "9.2 partly: smaller (-1.50 [-2.00, -1.00])\n" in printed
+    assert "1 reproduced; 1 partly; 0 not reproduced; 1 cannot be tested\n" in printed
+
+
+def test_older_results_are_removed(results):
+    results.mkdir()
+    (results / "figure_09.png").write_text("stale")
+    Report("9_tiny", scenario=Scenario(), seed=7)
+    assert list(results.iterdir()) == []
+
+
+def test_by_hand_results_stay_below_build(monkeypatch):
+    monkeypatch.delenv("SEANAV_RESULTS", raising=False)
+    folder = Report("9_by_hand_test", scenario=Scenario(), seed=7)._folder
+    try:
+        assert folder.parts[-3:] == ("build", "by_hand", "9_by_hand_test")
+    finally:
+        folder.rmdir()
+
+
+# ---------------------------------------------------------------- refusals
+
+
+def test_finish_demands_every_claim_and_no_other(report, results):
+    report.parameters([])
+    report.claim("9.1", "a", [], "b")
+    for expected in (["9.1", "9.2"], []):
+        with pytest.raises(ValueError, match="claims expected and claims judged differ: 9"):
+            report.finish(expected)
+    assert not (results / "claims.json").exists()
+
+
+def test_finish_demands_the_origins_of_the_parameters(report):
+    with pytest.raises(ValueError, match="origins of the parameters"):
+        report.finish([])
+
+
+def test_unknown_origin_is_refused(report):
+    with pytest.raises(ValueError, match="runs: origin 'guess' is none of text"):
+        report.parameters([("runs", 3, "", "guess")])
+
+
+def test_nothing_is_overwritten_within_a_run(report):
+    fill(report)
+    with pytest.raises(ValueError, match="table 2 is there already"):
+        report.table(2, ["a"], [[1]], "again")
+    with pytest.raises(ValueError, match=r"claim 9\.1 is judged twice"):
+        report.claim("9.1", "again", [], "")
+
+
+def test_a_number_that_is_no_file_name_is_refused(report):
+    with pytest.raises(ValueError, match="not a number or short name"):
+        report.table("../2", ["a"], [[1]], "outside")
+
+
+def test_a_row_that_does_not_fit_is_refused(report):
+    with pytest.raises(ValueError, match="does not fit the columns"):
+        report.table(1, ["a", "b"], [[1]], "short")
+
+
+def test_condition_of_an_estimate_from_runs():
+    estimate = from_influence(1.0, np.random.default_rng(1).normal(0, 0.1, 1000))
+    assert Condition("c", estimate, low=0.9).outcome == "holds"
