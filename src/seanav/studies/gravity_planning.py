@@ -82,7 +82,7 @@ class Scenario:
         number("epsilon", self.epsilon, at_least=0)
         integer("bound_expansions", self.bound_expansions, at_least=1)
         integer("pairs", self.pairs, at_least=2)
-        integer("label_pairs", self.label_pairs, at_least=1, at_most=self.pairs)
+        integer("label_pairs", self.label_pairs, at_least=2, at_most=self.pairs)
         integer("seed", self.seed, at_least=0)
 
     def _set(self, name, value):
@@ -94,7 +94,7 @@ class Scenario:
             self,
             runs=max(2, self.runs // 10),
             pairs=max(2, self.pairs // 10),
-            label_pairs=max(1, self.label_pairs // 7),
+            label_pairs=max(2, self.label_pairs // 7),
             bound_expansions=max(1, self.bound_expansions // 10),
         )
 

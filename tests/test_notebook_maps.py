@@ -1,0 +1,128 @@
+"""Paper 5's whole notebook, run by the strict runner on maps that are not the default one.
+
+What each file format must give is tested in `test_gravity_files`; here every cell must run on it.
+"""
+
+import json
+import shutil
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import rasterio
+from rasterio.transform import Affine
+
+from seanav import runner
+from seanav.runner import Refused
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+STEM = "5_gravity_planning"
+HERE = (-31.2, -120.5)  # far from the default window; 239.5° east for files that count to 360°
+SMALL = (
+    "runs=12",
+    "samples=25",
+    "pairs=2",
+    "label_pairs=2",
+    "bound_expansions=50",
+    "epsilon=2.0",
+    "noise_mgal=[1.0, 2.0]",
+    f"map_latitude_deg={HERE[0]}",
+    f"map_longitude_deg={HERE[1]}",
+)
+STEP = 0.02  # degrees
+
+
+def anomaly_mgal(east_km, north_km):
+    return 25 * np.sin(east_km / 9.0) * np.cos(north_km / 7.0) + 0.1 * east_km
+
+
+def netcdf(path, form, names, falling, to_360):
+    latitude = HERE[0] + STEP * np.arange(-40, 41)
+    longitude = HERE[1] + STEP * np.arange(-40, 41)
+    values = anomaly_mgal(95.6 * (longitude - HERE[1]), 110.9 * (latitude[:, None] - HERE[0]))
+    if falling:
+        latitude, values = latitude[::-1], values[::-1]
+    with netCDF4.Dataset(path, "w", format=form) as file:
+        for name, axis in zip(
+            names, (latitude, longitude % 360 if to_360 else longitude), strict=True
+        ):
+            file.createDimension(name, len(axis))
+            file.createVariable(name, "f8", (name,))[:] = axis
+        variable = file.createVariable("z", "f4", names)
+        variable.units = "mGal"
+        variable[:] = values
+    return path
+
+
+def geotiff(path, crs, step, corner, values):
+    matrix = Affine(step, 0, corner[0], 0, -step, corner[1])
+    rows, columns = values.shape
+    options = {"height": rows, "width": columns, "count": 1, "dtype": "float64"}
+    with rasterio.open(path, "w", driver="GTiff", crs=crs, transform=matrix, **options) as file:
+        file.write(values, 1)
+    return path
+
+
+def geographic(path):
+    rows = STEP * (40 - np.arange(81))[:, None]
+    values = anomaly_mgal(-95.6 * rows.T[:, ::1], 110.9 * rows)
+    corner = HERE[1] - 40.5 * STEP, HERE[0] + 40.5 * STEP
+    return geotiff(path, "EPSG:4326", STEP, corner, values)
+
+
+def projected(path):
+    zone = "EPSG:32710"  # UTM 10 south
+    (east,), (north,) = rasterio.warp.transform("EPSG:4326", zone, [HERE[1]], [HERE[0]])
+    rows = 2.0 * (40 - np.arange(81))[:, None]
+    corner = east - 81e3, north + 81e3
+    return geotiff(path, zone, 2e3, corner, anomaly_mgal(-rows.T, rows))
+
+
+SOURCES = {
+    "netcdf4": lambda path: netcdf(path, "NETCDF4", ("lat", "lon"), False, False),
+    "netcdf3-falling-360": lambda path: netcdf(
+        path, "NETCDF3_CLASSIC", ("latitude", "longitude"), True, True
+    ),
+    "netcdf4-yx-360": lambda path: netcdf(path, "NETCDF4", ("y", "x"), True, True),
+    "geotiff": geographic,
+    "geotiff-projected": projected,
+    "synthetic": lambda path: "synthetic",
+}
+
+
+@pytest.fixture
+def root(tmp_path):
+    (tmp_path / "notebooks").mkdir()
+    shutil.copy(CHECKOUT / "notebooks" / f"{STEM}.ipynb", tmp_path / "notebooks")
+    return tmp_path
+
+
+@pytest.mark.parametrize("kind", SOURCES)
+def test_every_cell_runs_on(kind, root):
+    source = SOURCES[kind](root / "grid")
+    results = runner.run(root, STEM, words=(*SMALL, f"map_source={source}"))
+    claims = json.loads((results / "claims.json").read_text())
+    assert list(claims) == [f"5.{number}" for number in range(1, 12)]
+    assert len(list(results.glob("figure_0*.png"))) == 8
+    assert not (root / "paper_figures").exists()
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("map_source=none.nc", "map_source = 'none.nc': "),
+        ("goal=[101, 9]", "goal = [101, 9]: must lie on the map"),
+        ("start_1=[65, 9]", "start_1 = (65, 9): must differ from goal"),
+        ("noise_mgal=[0.0, 2.0]", "noise_mgal = 0.0: must be a finite number above 0"),
+        ("user_path_km=[[1, 1], [200, 3]]", "user_path_km = "),
+        ("epsilon=-1", "epsilon = -1.0: must be a finite number at least 0"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(word, message, root):
+    with pytest.raises(Refused) as error:
+        runner.run(root, STEM, words=(word,))
+    assert str(error.value).startswith(f"{STEM}: {message}")
+    assert "\n" not in str(error.value)
+    assert not (root / "paper_figures").exists()
+    assert (root / "build" / "failed" / f"{STEM}.ipynb").exists()
