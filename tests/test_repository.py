@@ -1,6 +1,7 @@
 """What no other test sees: the shape of the repository and of its notebooks."""
 
 import ast
+import importlib.util
 import re
 import subprocess
 from pathlib import Path
@@ -206,7 +207,18 @@ def test_every_paper_has_one_stem():
         assert (ROOT / "paper_figures" / path.stem / "claims.json").is_file()
 
 
-# ---------------------------------------------------------------- make
+# ---------------------------------------------------------------- book and make
+
+
+def test_book_folds_the_solutions_and_nothing_else():
+    spec = importlib.util.spec_from_file_location("build_book", ROOT / "book" / "build.py")
+    book = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(book)
+    notebook = good_notebook()
+    assert "<details" not in book.chapter(notebook)
+    notebook.cells[1].metadata.update(tags=["solution"], jupyter={"source_hidden": True})
+    (folded,) = re.findall(r"<details.*?</details>", book.chapter(notebook), re.S)
+    assert re.search(r'<span class="n">b</span>', folded)
 
 
 def test_make_help_lists_every_target():
