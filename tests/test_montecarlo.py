@@ -6,8 +6,10 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import nbformat
 import numpy as np
 import pytest
+from nbclient import NotebookClient
 from scipy import stats
 
 from seanav import montecarlo
@@ -141,6 +143,19 @@ def test_progress_in_a_live_notebook_is_cleared(monkeypatch, capsys):
     parallel_map(abs, range(3), label="batches")
     assert "batches" in capsys.readouterr().err
     assert cleared == [True]
+
+
+def test_no_progress_stays_in_a_notebook_run_by_hand(monkeypatch):
+    monkeypatch.delenv("SEANAV_PROGRESS")
+    code = (
+        "from seanav import montecarlo\n"
+        "assert montecarlo._in_jupyter()\n"
+        "done = montecarlo.parallel_map(abs, range(3), label='batches')\n"
+        "print(done)"
+    )
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code)])
+    NotebookClient(book, kernel_name="python3").execute()
+    assert [output.text for output in book.cells[0].outputs] == ["[0, 1, 2]\n"]
 
 
 # ---------------------------------------------------------------- intervals

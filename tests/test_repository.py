@@ -1,0 +1,228 @@
+"""What no other test sees: the shape of the repository and of its notebooks."""
+
+import ast
+import importlib.util
+import re
+import subprocess
+from pathlib import Path
+
+import nbformat
+import pytest
+
+from seanav.runner import imports
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "src" / "seanav"
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+
+# ---------------------------------------------------------------- imports run downward
+
+# What a module of each folder, or at the top, may import from the package.
+LOWER = {
+    "models": {"_compile", "checks", "models"},
+    "filters": {"_compile", "checks", "models", "filters"},
+    "studies": {"_compile", "checks", "models", "filters", "studies", "montecarlo", "report"},
+    "_compile": set(),
+    "checks": set(),
+    "montecarlo": {"checks"},
+    "report": {"checks", "montecarlo"},
+    "runner": {"checks", "report"},
+    "__main__": {"report", "runner"},
+    "__init__": set(),
+}
+
+
+def upward(layer, source, package):
+    """Return what `source` imports from the package although its layer may not."""
+    parts = [name.split(".") for name in imports(source, package)]
+    used = {part[1] for part in parts if part[0] == "seanav" and len(part) > 1}
+    return used - LOWER[layer]
+
+
+def modules():
+    for path in SOURCES:
+        parts = path.relative_to(PACKAGE).with_suffix("").parts
+        yield path, parts[0], ".".join(["seanav", *parts[:-1]])
+
+
+def test_imports_run_downward():
+    for path, layer, package in modules():
+        assert not upward(layer, path.read_text(), package), path
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["from seanav.studies import a", "import seanav.filters.b", "from ..filters import b"],
+)
+def test_upward_imports_are_seen(line):
+    assert upward("models", f"def late():\n    {line}", "seanav.models")
+
+
+def test_no_study_is_known_to_the_machinery():
+    for name in ("montecarlo", "report", "runner", "__main__", "checks"):
+        assert not re.search(
+            r"gravity|fading|current|neural|ito", (PACKAGE / f"{name}.py").read_text()
+        )
+
+
+def test_kernels_are_only_where_the_cache_key_looks():
+    for path, layer, _ in modules():
+        kernels = {
+            ast.unparse(decorator)
+            for node in ast.walk(ast.parse(path.read_text()))
+            if isinstance(node, ast.FunctionDef)
+            for decorator in node.decorator_list
+            if re.search(r"\b(kernel|n?jit|vectorize)\b", ast.unparse(decorator))
+        }
+        assert not kernels or layer in ("models", "filters"), path
+        assert kernels <= {"kernel"}, f"{path}: compiled past seanav._compile"
+
+
+# ---------------------------------------------------------------- committed text
+
+PLACES = re.compile(
+    r"(?<![\w.:/])/(home|root|Users|tmp|work|mnt|opt|private/var)/\w"
+    r"|[A-Za-z]:\\\\?Users|file:/{3}|localhost:\d|--(extra-)?index-url|/simple/"
+)
+
+
+def committed():
+    # Untracked files too: they are about to be committed.
+    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+    return [ROOT / name for name in listed.stdout.splitlines() if (ROOT / name).is_file()]
+
+
+def test_no_place_of_a_machine_is_committed():
+    for path in committed():
+        if path == Path(__file__).resolve() or path.suffix in (".png", ".pdf"):
+            continue
+        found = PLACES.search(path.read_text())
+        assert found is None, f"{path}: {found.group()}"
+
+
+@pytest.mark.parametrize(
+    "text", ["at /home/me/x", '"/root/x"', r"C:\Users\me", "file:" + "///srv/x", "=/tmp/x"]
+)
+def test_places_are_seen(text):
+    assert PLACES.search(text)
+
+
+def test_no_test_is_skipped_or_expected_to_fail():
+    word = re.compile(r"pytest\.(mark\.)?(skip|xfail|importorskip)|unittest\.skip|collect_ignore")
+    for path in [*(ROOT / "tests").rglob("*.py"), ROOT / "conftest.py"]:
+        if path != Path(__file__).resolve():
+            assert not word.search(path.read_text()), path
+
+
+# ---------------------------------------------------------------- notebooks
+
+
+def faults(book):
+    """Return what is wrong with the form of a stored notebook."""
+    found = []
+    cells = [cell for cell in book.cells if cell.cell_type == "code" and cell.source.strip()]
+    tags = [tag for cell in book.cells for tag in cell.metadata.get("tags", [])]
+    if tags.count("parameters") != 1:
+        found.append("not exactly one parameters cell")
+    if set(tags) - {"parameters", "solution"}:
+        found.append(f"tags {set(tags)}")
+    if re.search(r"NBVAL|PYTEST_VALIDATE", "".join(cell.source for cell in book.cells)):
+        found.append("a comment for nbval")
+    if book.metadata.get("kernelspec", {}).get("name") != "python3":
+        found.append("kernel")
+    if set(book.metadata) != {"kernelspec", "language_info", "seanav"}:
+        found.append("metadata: make notebooks")
+    seconds = book.metadata.get("seanav", {}).get("expected_seconds", {})
+    if set(seconds) != {"full", "quick"}:
+        found.append("no expected time")
+    if [cell.execution_count for cell in cells] != list(range(1, len(cells) + 1)):
+        found.append("not executed from top to bottom")
+    for cell in cells:
+        if len(cell.source.splitlines()) > 40:
+            found.append(f"cell {cell.execution_count} has more than 40 lines")
+        if any(o.output_type == "error" or o.get("name") == "stderr" for o in cell.outputs):
+            found.append(f"cell {cell.execution_count} failed or warned")
+        hidden = cell.metadata.get("jupyter", {}).get("source_hidden", False)
+        if hidden != ("solution" in cell.metadata.get("tags", [])):
+            found.append(f"cell {cell.execution_count}: solutions are folded, and nothing else")
+    return found
+
+
+def test_stored_notebooks_are_in_form():
+    for path in NOTEBOOKS:
+        assert faults(nbformat.read(path, as_version=4)) == [], path.name
+
+
+def good_notebook():
+    cells = [
+        nbformat.v4.new_code_cell(source, execution_count=k) for k, source in enumerate("ab", 1)
+    ]
+    cells[0].metadata["tags"] = ["parameters"]
+    metadata = {
+        "kernelspec": {"name": "python3", "display_name": "Python 3"},
+        "language_info": {"name": "python"},
+        "seanav": {"expected_seconds": {"full": 9, "quick": 1}},
+    }
+    return nbformat.v4.new_notebook(cells=cells, metadata=metadata)
+
+
+BREAKAGES = {
+    "no parameters": lambda book: book.cells[0].metadata.clear(),
+    "two parameters cells": lambda book: book.cells[1].metadata.update(tags=["parameters"]),
+    "skip tag": lambda book: book.cells[1].metadata.update(tags=["nbval-skip"]),
+    "tolerated error": lambda book: book.cells[1].metadata.update(tags=["raises-exception"]),
+    "ignore comment": lambda book: book.cells[1].update(source="# NBVAL_IGNORE_OUTPUT\n1"),
+    "long cell": lambda book: book.cells[1].update(source="1\n" * 41),
+    "not executed": lambda book: book.cells[1].update(execution_count=None),
+    "out of order": lambda book: book.cells[1].update(execution_count=7),
+    "kernel": lambda book: book.metadata.kernelspec.update(name="mine"),
+    "traces": lambda book: book.metadata.update(papermill={}),
+    "no time": lambda book: book.metadata.seanav.clear(),
+    "warning": lambda book: book.cells[1].outputs.append(
+        nbformat.v4.new_output("stream", name="stderr", text="odd")
+    ),
+    "open solution": lambda book: book.cells[1].metadata.update(tags=["solution"]),
+    "hidden cell": lambda book: book.cells[1].metadata.update(jupyter={"source_hidden": True}),
+}
+
+
+def test_good_form_passes():
+    assert faults(good_notebook()) == []
+
+
+@pytest.mark.parametrize("name", BREAKAGES)
+def test_bad_form_is_seen(name):
+    book = good_notebook()
+    BREAKAGES[name](book)
+    assert faults(book)
+
+
+def test_every_paper_has_one_stem():
+    for path in NOTEBOOKS:
+        number, _, name = path.stem.partition("_")
+        assert number.isdecimal()
+        assert (PACKAGE / "studies" / f"{name}.py").is_file()
+        assert (ROOT / "paper_figures" / path.stem / "claims.json").is_file()
+
+
+# ---------------------------------------------------------------- book and make
+
+
+def test_book_folds_the_solutions_and_nothing_else():
+    spec = importlib.util.spec_from_file_location("build_book", ROOT / "book" / "build.py")
+    book = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(book)
+    notebook = good_notebook()
+    assert "<details" not in book.chapter(notebook)
+    notebook.cells[1].metadata.update(tags=["solution"], jupyter={"source_hidden": True})
+    (folded,) = re.findall(r"<details.*?</details>", book.chapter(notebook), re.S)
+    assert re.search(r'<span class="n">b</span>', folded)
+
+
+def test_make_help_lists_every_target():
+    text = (ROOT / "Makefile").read_text()
+    phony = re.search(r"^\.PHONY: (.*)$", text, re.M).group(1).split()
+    listed = re.findall(r"^([a-z.]+):.*## ", text, re.M)
+    assert set(phony) - {"FORCE"} == set(listed)
