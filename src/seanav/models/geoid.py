@@ -81,8 +81,8 @@ def anomaly_of_undulation(undulation, north_spacing, east_spacing):
     assumes, a periodic field. The quadratic trend of N goes first: it is what jumps most
     at the edges, and a window cannot tell such wavelengths from a level. The taper then
     brings the rest to zero without a step, and the padding keeps one edge's field from
-    reaching round to the other. The term 2γN/R needs no transform and takes the untapered N. Values in the
-    tapered outer part of the window are meaningless, and so is the level.
+    reaching round to the other. The term 2γN/R needs no transform and takes the untapered
+    N. Values in the tapered outer part of the window are meaningless, and so is the level.
 
     Parameters
     ----------
