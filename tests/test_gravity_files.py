@@ -486,7 +486,7 @@ def test_geotiff_without_a_place(tmp_path):
 
 def test_picture_without_any_georeference(tmp_path):
     with pytest.warns(NotGeoreferencedWarning):
-        path = write_geotiff(tmp_path / "a.tif", np.ones((5, 5)), Affine.identity(), crs=None)
+        path = write_geotiff(tmp_path / "a.tif", np.ones((5, 5)), None, crs=None)
     refused(path, "must have a geographic or projected")
 
 
