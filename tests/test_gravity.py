@@ -59,6 +59,8 @@ def test_a_point_that_is_not_a_number_has_no_value():
     grid = np.zeros((NORTH, EAST))
     assert np.isnan(gravity.bilinear(grid, SPACING, np.nan, 0.0))
     assert np.isnan(gravity.bilinear(grid, SPACING, 0.0, np.nan))
+    # uncompiled too, where an index made of it would be an error instead of a stray read
+    assert np.isnan(gravity.bilinear.py_func(grid, SPACING, np.nan, 0.0))
 
 
 def test_gradient_is_exact_on_a_quadratic_surface_including_its_border():

@@ -4,6 +4,7 @@ import netCDF4
 import numpy as np
 import pytest
 import rasterio
+from rasterio.errors import NotGeoreferencedWarning
 from rasterio.transform import Affine
 from rasterio.warp import transform
 
@@ -481,6 +482,12 @@ def test_geotiff_without_a_place(tmp_path):
     refused(regional_geotiff(tmp_path / "a.tif", crs=None), "must have a geographic or projected")
     path = write_geotiff(tmp_path / "b.tif", np.ones((5, 5)), Affine(1, 0.1, 0, 0.1, -1, 0))
     refused(path, "and rows that run along its x axis$")
+
+
+def test_picture_without_any_georeference(tmp_path):
+    with pytest.warns(NotGeoreferencedWarning):
+        path = write_geotiff(tmp_path / "a.tif", np.ones((5, 5)), None, crs=None)
+    refused(path, "must have a geographic or projected")
 
 
 def test_geotiff_in_coordinates_of_no_place_on_earth(tmp_path):

@@ -71,6 +71,21 @@ def test_anomaly_of_a_buried_point_mass():
     assert abs(difference.mean()) < 5e-3 * peak
 
 
+def test_taper_leaves_no_step_at_the_edges():
+    # Cut off at its crest, this wave would jump by its amplitude from one node to the next.
+    north, east = window()
+    k = 2 * np.pi / 150e3
+    wave = np.cos(k * (north - north[0, 0])) * np.cos(k * (east - east[0, 0]))
+    anomaly = geoid.anomaly_of_undulation(wave, NORTH_SPACING, EAST_SPACING)
+    assert np.abs(anomaly).max() < 1.1 * GAMMA * np.sqrt(2) * k
+
+
+def test_padding_is_wide_enough(monkeypatch):
+    anomaly = from_geoid(size=301).anomaly_mgal
+    monkeypatch.setattr(geoid, "PADDING", 8)
+    assert np.abs(anomaly - from_geoid(size=301).anomaly_mgal).max() < 0.01
+
+
 def test_quadratic_trend_does_not_reach_the_anomaly():
     north, east = window()
     bump = np.exp(-(north**2 + east**2) / (2 * 20e3**2))

@@ -80,9 +80,9 @@ def anomaly_of_undulation(undulation, north_spacing, east_spacing):
     Δg(k) = γ|k|N(k) − 2γN/R. The order of the steps follows from what the transform
     assumes, a periodic field. The quadratic trend of N goes first: it is what jumps most
     at the edges, and a window cannot tell such wavelengths from a level. The taper then
-    brings the rest to zero, and the padding keeps one edge's field from reaching round to
-    the other. The term 2γN/R needs no transform and takes the untapered N. Values in the
-    tapered outer part of the window are meaningless, and so is the level.
+    brings the rest to zero without a step, and the padding keeps one edge's field from
+    reaching round to the other. The term 2γN/R needs no transform and takes the untapered
+    N. Values in the tapered outer part of the window are meaningless, and so is the level.
 
     Parameters
     ----------

@@ -130,7 +130,7 @@ def bilinear(grid, spacing, east, north):
         In the unit of the grid.
     """
     if np.isnan(east) or np.isnan(north):
-        return np.nan
+        return np.nan  # as an integer it would index anywhere
     rows, columns = grid.shape
     y = min(max(north / spacing, 0.0), rows - 1.0)
     x = min(max(east / spacing, 0.0), columns - 1.0)

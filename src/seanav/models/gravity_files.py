@@ -168,15 +168,10 @@ def _covering(axis, low, high, margin):
 
 
 def _read(grid, rows, columns):
-    # Block by block of neighbouring indices: a window may lie across the ±180° meridian.
-    def runs(index):
-        return np.split(index, np.flatnonzero(np.abs(np.diff(index)) != 1) + 1)
-
-    def block(i, j):
-        span = [slice(int(k.min()), int(k.max()) + 1) for k in (i, j)]
-        return grid.read(*span)[np.ix_(i - i.min(), j - j.min())]
-
-    return np.block([[block(i, j) for j in runs(columns)] for i in runs(rows)])
+    # Indices may run backwards, and across the ±180° meridian round the whole band: one
+    # block holds them all, the rest is dropped.
+    spans = [slice(int(k.min()), int(k.max()) + 1) for k in (rows, columns)]
+    return grid.read(*spans)[np.ix_(rows - rows.min(), columns - columns.min())]
 
 
 def _sample(grid, source, latitude, longitude):
