@@ -113,6 +113,7 @@ def test_parallel_map_names_bad_threads_from_the_environment(monkeypatch):
 
 def test_progress_goes_to_the_named_terminal_and_nowhere_else(monkeypatch, capfd):
     reader, device = os.openpty()
+    os.set_blocking(reader, False)  # an empty terminal is an error, not a wait
     monkeypatch.setenv("SEANAV_PROGRESS", os.ttyname(device))
     parallel_map(abs, range(3), label="batches")
     assert b"batches" in os.read(reader, 4096)
