@@ -275,7 +275,8 @@ def with_input_bias(scenario, case):
     return Phi, offsets, np.hstack([case.H, np.zeros((len(case.H), 1))]), Q, P0
 
 
-def estimate(scenario, case, z, *, method=None, window=1, scale=1.0, augmented=False, alpha=None):
+def estimate(scenario, case, z, *, method=None, window=1, scale=1.0, augmented=False, alpha=None,
+             floor=1.0):  # fmt: skip
     """Run one filter of `filters` on measurements (runs, steps, m)."""
     Phi, offsets, H, Q, P0 = case.Phi, case.believed, case.H, case.Q * scale, case.P0
     if augmented:
@@ -283,7 +284,7 @@ def estimate(scenario, case, z, *, method=None, window=1, scale=1.0, augmented=F
     x0 = np.zeros((len(z), len(Phi)))
     if method is None:
         return kalman.run(Phi, offsets, H, Q, case.R, x0, P0, z)
-    options = {"trigger": scenario.trigger, "alpha": alpha or scenario.alpha}
+    options = {"trigger": scenario.trigger, "alpha": alpha or scenario.alpha, "floor": floor}
     return adaptive.run(
         Phi, offsets, H, Q, case.R, x0, P0, z, method=method, window=window, **options
     )

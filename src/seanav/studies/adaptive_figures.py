@@ -75,7 +75,7 @@ def estimates(case, truth, outcome, fault_time, run=0):
         right.set(ylabel=f"RMSE ({unit})", ylim=(0, None))
         for ax in (left, right):
             ax.axvline(fault_time, color="black", linestyle=":", linewidth=1)
-    axes[0, 0].legend(ncols=2, loc="upper left")
+    axes[0, 0].legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1.0))
     for ax in axes[-1]:
         ax.set_xlabel("time (s)")
     return fig
@@ -102,22 +102,42 @@ def detection(curves):
     return fig
 
 
+def _clear(setting):
+    return not setting.ratios["MFF", "SFF"].low <= 1 <= setting.ratios["MFF", "SFF"].high
+
+
+def _point(setting):
+    """Return mean noise ratio, spread of Q, window (moved a little apart) and the result."""
+    noise = np.log10(setting.R).mean() - np.log10(setting.Q).mean()
+    spread = np.log10(max(setting.Q) / min(setting.Q))
+    window = setting.window * (1 + 0.25 * ((spread * 7.3) % 1 - 0.5))
+    return noise, spread, window, np.clip(np.log2(setting.ratios["MFF", "SFF"].value), -1, 1)
+
+
 def sweep_map(settings):
     """Draw where MFF beats SFF at equal windows, over noise ratio and window."""
     fig, axes = plt.subplots(1, 2, figsize=(9.4, 4.2), sharey=True)
     faults = sorted({s.fault for s in settings})
     markers = dict(zip(faults, "osv^D", strict=False))
-    for setting in settings:
-        r = setting.ratios["MFF", "SFF"]
-        log = np.clip(np.log2(r.value), -1, 1)
-        clear = r.high < 1 or r.low > 1
-        spread = np.log10(max(setting.Q) / min(setting.Q))
-        noise = np.log10(np.exp(np.mean(np.log(setting.R)) - np.mean(np.log(setting.Q))))
-        jitter = 1 + 0.25 * ((spread * 7.3) % 1 - 0.5)
-        for ax, x in zip(axes, (noise, spread), strict=True):
-            dots = ax.scatter(x, setting.window * jitter, c=[log], cmap="PuOr_r", vmin=-1, vmax=1,
-                              marker=markers[setting.fault], s=34 if clear else 12,
-                              edgecolor="black", linewidth=0.5)  # fmt: skip
+    for fault in faults:
+        for clear in (False, True):
+            points = [_point(s) for s in settings if s.fault == fault and _clear(s) == clear]
+            if not points:
+                continue
+            noise, spread, window, log = np.array(points).T
+            for ax, x in zip(axes, (noise, spread), strict=True):
+                dots = ax.scatter(
+                    x,
+                    window,
+                    c=log,
+                    cmap="PuOr_r",
+                    vmin=-1,
+                    vmax=1,
+                    marker=markers[fault],
+                    s=34 if clear else 12,
+                    edgecolor="black",
+                    linewidth=0.5,
+                )
     axes[0].set(xlabel="log₁₀ of mean R / mean Q (geometric)", ylabel="window μ", yscale="log")
     axes[1].set_xlabel("log₁₀ of largest Q / smallest Q")
     fig.colorbar(dots, ax=axes, label="log₂ of RMSE of MFF / SFF (negative: MFF better)")
