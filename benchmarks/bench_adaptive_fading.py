@@ -1,0 +1,69 @@
+"""Speed of paper 3: filter steps, the main comparison, the sweep. Nothing passes or fails."""
+
+import time
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+
+from seanav.filters import adaptive, kalman
+from seanav.studies import adaptive_fading as study
+from seanav.studies import adaptive_sweep as sweep
+
+
+def best_of(function, repeats=5):
+    """Return the least wall and CPU time of several calls, s; the first call compiles."""
+    function()
+    times = []
+    for _ in range(repeats):
+        wall, cpu = time.perf_counter(), time.process_time()
+        function()
+        times.append((time.perf_counter() - wall, time.process_time() - cpu))
+    return tuple(min(column) for column in zip(*times, strict=True))
+
+
+def filterpy_steps(case, z, rows):
+    """Run filterpy over one run with the first `rows` measurements, for the ratio."""
+    one = KalmanFilter(dim_x=len(case.B), dim_z=rows)
+    one.F, one.H, one.Q, one.R = case.Phi, case.H[:rows], case.Q, case.R[:rows, :rows]
+    one.P, one.x = case.P0.copy(), np.zeros(len(case.B))
+    for k in range(len(z)):
+        one.predict()
+        one.update(z[k, :rows])
+
+
+def main():
+    scenario = study.Scenario()
+    case = study.problem(scenario)
+    noise = study.draw(scenario)
+    _, z = study.simulate(case, noise)
+    start = np.zeros((scenario.runs, len(case.B)))
+    model = (case.Phi, case.believed, case.H, case.Q, case.R, start, case.P0, z)
+    five = ("OKF", "SFF(1)", f"SFF({scenario.window})", "MFF(1)", f"MFF({scenario.window})")
+    steps = z.shape[0] * z.shape[1]
+    single = {"method": "single"}
+    multiple = {"method": "multiple", "window": scenario.window}
+    rows = [
+        ("Kalman filter, 100 runs × 1000 steps", None, lambda: kalman.run(*model), 5),
+        ("single factor, as printed", None, lambda: adaptive.run(*model, **single), 5),
+        (f"multiple factors, μ = {scenario.window}", None,
+         lambda: adaptive.run(*model, **multiple), 5),
+        ("five filters, simulated and scored", 1.0,
+         lambda: study.run(scenario, case, noise, five), 5),
+        (f"sweep of {scenario.settings} settings", 60.0, lambda: sweep.sweep(scenario), 1),
+    ]  # fmt: skip
+    print(f"{'what':40} {'wall (s)':>10} {'CPU (s)':>10} {'target (s)':>11} {'ns per step':>12}")
+    for what, target, function, repeats in rows:
+        wall, cpu = best_of(function, repeats)
+        per_step = f"{cpu / steps * 1e9:12.0f}" if target is None else ""
+        print(f"{what:40} {wall:10.4f} {cpu:10.4f} {target or '':>11} {per_step}")
+    fast = best_of(lambda: kalman.run(*model))[1] / steps
+    for rows in (1, 3):
+        slow = best_of(lambda rows=rows: filterpy_steps(case, z[0], rows), 3)[1] / z.shape[1]
+        print(
+            f"filterpy, {rows} measured: {slow * 1e6:.1f} µs a step, {slow / fast:.0f} times ours"
+        )
+    print(f"target: 250 ns per run and step with three measurements; here {fast * 1e9:.0f} ns")
+
+
+if __name__ == "__main__":
+    main()

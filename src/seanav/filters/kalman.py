@@ -1,0 +1,394 @@
+"""The linear Kalman filter for a batch of runs: algebra only, runs innermost.
+
+The small kernels are the parts of one step. They work on arrays whose last axis is the
+run, so that the compiler vectorises over the runs, and other filters are built from them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from seanav._compile import kernel
+from seanav.checks import ParameterError
+
+
+class Track(NamedTuple):
+    """What a filter returns for a batch of runs; views with the runs innermost in memory.
+
+    Attributes
+    ----------
+    x : ndarray (runs, steps, n)
+        Estimates after each measurement.
+    P : ndarray (runs, steps, n, n)
+        Their covariances, as the filter believes.
+    innovation : ndarray (runs, steps, m)
+        Measurement minus its prediction.
+    nis : ndarray (runs, steps)
+        Innovation squared, normalised by the covariance S the gain is computed with.
+    """
+
+    x: np.ndarray
+    P: np.ndarray
+    innovation: np.ndarray
+    nis: np.ndarray
+
+
+# ---------------------------------------------------------------- parts of one step
+
+
+@kernel
+def propagate(Phi, x, offset, P, half, x_out, P_out):
+    """Put Phi x + offset and Phi P Phiᵀ, without process noise, into `x_out` and `P_out`."""
+    n, runs = x.shape
+    for i in range(n):
+        mean = x_out[i]
+        for r in range(runs):
+            mean[r] = offset[i]
+        for j in range(n):
+            row = half[i, j]
+            for r in range(runs):
+                row[r] = 0.0
+        for k in range(n):
+            gain = Phi[i, k]
+            if gain != 0.0:  # a transition matrix is mostly zeros
+                before = x[k]
+                for r in range(runs):
+                    mean[r] += gain * before[r]
+                for j in range(n):
+                    row, old = half[i, j], P[k, j]
+                    for r in range(runs):
+                        row[r] += gain * old[r]
+    for i in range(n):
+        for j in range(i + 1):
+            row = P_out[i, j]
+            for r in range(runs):
+                row[r] = 0.0
+            for k in range(n):
+                gain = Phi[j, k]
+                if gain != 0.0:
+                    old = half[i, k]
+                    for r in range(runs):
+                        row[r] += gain * old[r]
+            mirror(P_out, i, j)
+
+
+@kernel
+def mirror(P, i, j):
+    """Copy P[i, j] to P[j, i]."""
+    if i != j:
+        here, there = P[i, j], P[j, i]
+        for r in range(here.shape[0]):
+            there[r] = here[r]
+
+
+@kernel
+def add_constant(P, Q):
+    """Add the matrix `Q`, the same for all runs, to `P`."""
+    n, _, runs = P.shape
+    for i in range(n):
+        for j in range(n):
+            row, add = P[i, j], Q[i, j]
+            for r in range(runs):
+                row[r] += add
+
+
+@kernel
+def innovate(H, z, x, out):
+    """Put z − H x into `out` (m, runs)."""
+    m, n = H.shape
+    runs = x.shape[1]
+    for a in range(m):
+        row, measured = out[a], z[a]
+        for r in range(runs):
+            row[r] = measured[r]
+        for k in range(n):
+            gain = H[a, k]
+            if gain != 0.0:
+                state = x[k]
+                for r in range(runs):
+                    row[r] -= gain * state[r]
+
+
+@kernel
+def innovation_covariance(H, R, P, PHt, S):
+    """Put P Hᵀ into `PHt` (n, m, runs) and H P Hᵀ + R into `S` (m, m, runs)."""
+    m, n = H.shape
+    runs = P.shape[2]
+    for i in range(n):
+        for a in range(m):
+            row = PHt[i, a]
+            for r in range(runs):
+                row[r] = 0.0
+            for k in range(n):
+                gain = H[a, k]
+                if gain != 0.0:
+                    old = P[i, k]
+                    for r in range(runs):
+                        row[r] += gain * old[r]
+    for a in range(m):
+        for b in range(a + 1):
+            row, start = S[a, b], R[a, b]
+            for r in range(runs):
+                row[r] = start
+            for k in range(n):
+                gain = H[a, k]
+                if gain != 0.0:
+                    old = PHt[k, b]
+                    for r in range(runs):
+                        row[r] += gain * old[r]
+            mirror(S, a, b)
+
+
+@kernel
+def factorise(S, L):
+    """Put the Cholesky factor of `S` into `L`, with the inverse of its diagonal on the diagonal."""
+    m, _, runs = S.shape
+    for b in range(m):
+        for a in range(b, m):
+            row, start = L[a, b], S[a, b]
+            for r in range(runs):
+                row[r] = start[r]
+            for k in range(b):
+                left, right = L[a, k], L[b, k]
+                for r in range(runs):
+                    row[r] -= left[r] * right[r]
+        pivot = L[b, b]
+        for r in range(runs):
+            pivot[r] = 1.0 / np.sqrt(pivot[r])
+        for a in range(b + 1, m):
+            row = L[a, b]
+            for r in range(runs):
+                row[r] *= pivot[r]
+
+
+@kernel
+def normalised_square(L, innovation, white, out):
+    """Put the innovation in units of its own spread into `white` and its square into `out`."""
+    m, runs = innovation.shape
+    for r in range(runs):
+        out[r] = 0.0
+    for a in range(m):
+        row, start = white[a], innovation[a]
+        for r in range(runs):
+            row[r] = start[r]
+        for b in range(a):
+            left, done = L[a, b], white[b]
+            for r in range(runs):
+                row[r] -= left[r] * done[r]
+        pivot = L[a, a]
+        for r in range(runs):
+            row[r] *= pivot[r]
+            out[r] += row[r] * row[r]
+
+
+@kernel
+def correct(H, R, L, PHt, innovation, x, P, K, A, half):
+    """Correct `x` and `P` in place with the gain P Hᵀ S⁻¹; covariance in Joseph's form."""
+    m, n = H.shape
+    runs = x.shape[1]
+    for i in range(n):
+        # Solve K S = P Hᵀ by the factor of S: forward, then backward.
+        for a in range(m):
+            row, start = K[i, a], PHt[i, a]
+            for r in range(runs):
+                row[r] = start[r]
+            for b in range(a):
+                left, done = L[a, b], K[i, b]
+                for r in range(runs):
+                    row[r] -= left[r] * done[r]
+            pivot = L[a, a]
+            for r in range(runs):
+                row[r] *= pivot[r]
+        for a in range(m - 1, -1, -1):
+            row = K[i, a]
+            for b in range(a + 1, m):
+                left, done = L[b, a], K[i, b]
+                for r in range(runs):
+                    row[r] -= left[r] * done[r]
+            pivot = L[a, a]
+            for r in range(runs):
+                row[r] *= pivot[r]
+        state = x[i]
+        for a in range(m):
+            gain, step = K[i, a], innovation[a]
+            for r in range(runs):
+                state[r] += gain[r] * step[r]
+        for j in range(n):
+            row = A[i, j]
+            same = 1.0 if i == j else 0.0
+            for r in range(runs):
+                row[r] = same
+            for a in range(m):
+                if H[a, j] != 0.0:
+                    gain, weight = K[i, a], H[a, j]
+                    for r in range(runs):
+                        row[r] -= gain[r] * weight
+    for i in range(n):
+        for j in range(n):
+            row = half[i, j]
+            for r in range(runs):
+                row[r] = 0.0
+            for k in range(n):
+                left, right = A[i, k], P[k, j]
+                for r in range(runs):
+                    row[r] += left[r] * right[r]
+    for i in range(n):
+        for j in range(i + 1):
+            row = P[i, j]
+            for r in range(runs):
+                row[r] = 0.0
+            for k in range(n):
+                left, right = half[i, k], A[j, k]
+                for r in range(runs):
+                    row[r] += left[r] * right[r]
+            for a in range(m):
+                for b in range(m):
+                    if R[a, b] != 0.0:
+                        weight, left, right = R[a, b], K[i, a], K[j, b]
+                        for r in range(runs):
+                            row[r] += weight * left[r] * right[r]
+            mirror(P, i, j)
+
+
+# ---------------------------------------------------------------- the filter
+
+
+@kernel
+def _run(Phi, offsets, H, Q, R, x, P, z, x_out, P_out, innovations, nis):
+    steps, m, runs = z.shape
+    n = Phi.shape[0]
+    half, A = np.empty((n, n, runs)), np.empty((n, n, runs))
+    PHt, K = np.empty((n, m, runs)), np.empty((n, m, runs))
+    S, L, white = np.empty((m, m, runs)), np.empty((m, m, runs)), np.empty((m, runs))
+    for k in range(steps):
+        x_new, P_new = x_out[k], P_out[k]
+        propagate(Phi, x, offsets[k], P, half, x_new, P_new)
+        add_constant(P_new, Q)
+        innovate(H, z[k], x_new, innovations[k])
+        innovation_covariance(H, R, P_new, PHt, S)
+        factorise(S, L)
+        normalised_square(L, innovations[k], white, nis[k])
+        correct(H, R, L, PHt, innovations[k], x_new, P_new, K, A, half)
+        x, P = x_new, P_new
+
+
+def run(Phi, offsets, H, Q, R, x0, P0, z):
+    """Run the Kalman filter (17)–(21) over a batch of runs.
+
+    Parameters
+    ----------
+    Phi : array (n, n)
+        Transition over one step.
+    offsets : array (steps, n)
+        What the known input adds during each step.
+    H : array (m, n)
+        Measurement matrix.
+    Q : array (n, n)
+        Covariance of the process noise in the states, G Q Gᵀ in the paper's letters.
+    R : array (m, m)
+        Covariance of the measurement noise.
+    x0 : array (runs, n)
+        Estimates before the first step.
+    P0 : array (n, n)
+        Their covariance.
+    z : array (runs, steps, m)
+        Measurements, the first after one step.
+
+    Returns
+    -------
+    Track
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If shapes do not fit, a number is not finite, or a covariance is not symmetric
+        and positive (R definite, Q and P0 semidefinite).
+    """
+    model, x, P, z, out = prepare(Phi, offsets, H, Q, R, x0, P0, z)
+    _run(*model, x, P, z, *out)
+    return track(*out)
+
+
+def prepare(Phi, offsets, H, Q, R, x0, P0, z):
+    """Check the inputs of a filter and lay them out with the runs innermost."""
+    Phi, H, z = (_array(name, a) for name, a in (("Phi", Phi), ("H", H), ("z", z)))
+    if z.ndim != 3 or not z.size:
+        raise ParameterError("z", z.shape, "must have the shape (runs, steps, measurements)")
+    (runs, steps, m), n = z.shape, len(Phi)
+    offsets, x0 = _array("offsets", offsets), _array("x0", x0)
+    shaped = (("Phi", Phi, (n, n)), ("H", H, (m, n)), ("offsets", offsets, (steps, n)))
+    for name, array, shape in (*shaped, ("x0", x0, (runs, n))):
+        if array.shape != shape:
+            raise ParameterError(name, array.shape, f"must have the shape {shape}")
+    Q, P0 = covariance("Q", Q, n), covariance("P0", P0, n)
+    R = covariance("R", R, m, definite=True)
+    x = np.ascontiguousarray(x0.T)
+    P = np.repeat(P0[:, :, None], runs, axis=2)
+    z = np.ascontiguousarray(z.transpose(1, 2, 0))
+    shapes = ((steps, n, runs), (steps, n, n, runs), (steps, m, runs), (steps, runs))
+    return (Phi, offsets, H, Q, R), x, P, z, tuple(np.empty(shape) for shape in shapes)
+
+
+def track(x, P, innovation, nis):
+    """Return kernel outputs, runs innermost, as a `Track`, runs first; nothing is copied."""
+    return Track(
+        x.transpose(2, 0, 1), P.transpose(3, 0, 1, 2), innovation.transpose(2, 0, 1), nis.T
+    )
+
+
+def _array(name, value):
+    array = np.ascontiguousarray(value, dtype=float)
+    if not np.isfinite(array).all():
+        raise ParameterError(name, "NaN or infinity", "must be finite everywhere")
+    return array
+
+
+def covariance(name, value, size, *, definite=False):
+    """Return a checked covariance matrix (size, size), else raise `ParameterError`."""
+    matrix = _array(name, value)
+    if matrix.shape != (size, size):
+        raise ParameterError(name, matrix.shape, f"must have the shape {(size, size)}")
+    kind = "positive definite" if definite else "positive semidefinite"
+    scale = np.sqrt(np.abs(np.diagonal(matrix)))
+    # Relative to each state's own spread: units must not decide what counts as zero.
+    unit = np.divide(matrix, np.outer(scale, scale), np.zeros_like(matrix), where=matrix != 0)
+    asymmetric = np.abs(unit - unit.T).max() > 1e-12 or not np.isfinite(unit).all()
+    if asymmetric or np.linalg.eigvalsh(unit).min() < (1e-14 if definite else -1e-12):
+        raise ParameterError(name, matrix.tolist(), f"must be symmetric and {kind}")
+    return matrix
+
+
+def steady_covariance(Phi, H, Q, R):
+    """Return the steady covariances before and after a measurement, (n, n) each.
+
+    Solution of the discrete Riccati equation; needs a pair (Phi, H) that is detectable.
+    """
+    before = linalg.solve_discrete_are(np.transpose(Phi), np.transpose(H), Q, R)
+    gain = np.linalg.solve(H @ before @ np.transpose(H) + R, H @ before).T
+    return before, before - gain @ H @ before
+
+
+@kernel
+def _nees(errors, P, out):
+    steps, n, runs = errors.shape
+    L, white = np.empty((n, n, runs)), np.empty((n, runs))
+    for k in range(steps):
+        factorise(P[k], L)
+        normalised_square(L, errors[k], white, out[k])
+
+
+def nees(errors, P):
+    """Return the normalised estimation error squared, (runs, steps).
+
+    Parameters
+    ----------
+    errors : ndarray (runs, steps, n)
+        Estimate minus truth.
+    P : ndarray (runs, steps, n, n)
+        Covariances of a `Track`, positive definite.
+    """
+    errors = np.ascontiguousarray(errors.transpose(1, 2, 0))
+    out = np.empty((errors.shape[0], errors.shape[2]))
+    _nees(errors, np.ascontiguousarray(P.transpose(1, 2, 3, 0)), out)
+    return out.T

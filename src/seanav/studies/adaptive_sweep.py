@@ -1,0 +1,202 @@
+"""Beyond paper 3: random settings, detection curves, and what adaptation costs while healthy."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import chi2
+
+from seanav import montecarlo
+from seanav.filters import adaptive
+from seanav.studies import adaptive_fading as study
+
+WINDOWS = (1, 5, 10, 20, 30)
+MEASURED = (("v", "r", "psi"), ("r", "psi"), ("v", "r"))
+ALPHAS = tuple(np.geomspace(1e-4, 0.3, 12))
+
+
+class Setting(NamedTuple):
+    """One random setting of the steering plane and what came of it."""
+
+    fault: str
+    fin: str
+    measured: tuple
+    window: int
+    degrees: bool  # angles in degrees, as the filter sees them
+    Q: tuple
+    R: tuple
+    ratios: dict  # {(one, other): Estimate of the RMSE ratio, geometric mean of the states}
+
+
+def random_setting(generator):
+    """Draw fault, fin signal, measured states, window, units and variances at random."""
+    pick = generator.integers
+    return (
+        study.FAULTS[pick(len(study.FAULTS))],
+        ("sine", "step")[pick(2)],
+        MEASURED[pick(len(MEASURED))],
+        WINDOWS[pick(len(WINDOWS))],
+        bool(pick(2)),
+        tuple(10.0 ** generator.uniform(-7, -3, 3)),
+        tuple(10.0 ** generator.uniform(-6, -2, 3)),
+    )
+
+
+def sweep(scenario):
+    """Return `scenario.settings` random settings of the steering plane with their ratios.
+
+    Each has its own noise, `scenario.sweep_runs` runs of it. Compared after the fault:
+    both fading filters at the same window, SFF as printed, and the three fixed filters.
+    """
+    settings = [
+        random_setting(generator)
+        for generator in montecarlo.streams(scenario.seed, "setting", scenario.settings)
+    ]
+    return montecarlo.parallel_map(
+        lambda job: _one(scenario, *job), list(enumerate(settings)), label="random settings"
+    )
+
+
+def _one(scenario, index, setting):
+    fault, fin, measured, window, degrees, Q, R = setting
+    turn = 180 / np.pi
+    case = study.problem(
+        scenario, fault=fault, fin=fin, measured=measured, Q=Q, R=R,
+        units=(1.0, turn, turn) if degrees else None,
+    )  # fmt: skip
+    noise = study.draw(scenario, purpose=f"setting {index}", runs=scenario.sweep_runs)
+    truth, z = study.simulate(case, noise)
+    options = {
+        "OKF": {},
+        "SFF(1)": {"method": "single"},
+        "SFF": {"method": "single", "window": window},
+        "MFF": {"method": "multiple", "window": window},
+        "larger Q": {"scale": scenario.larger_Q},
+        "input bias": {"augmented": True},
+    }
+    squares = {}
+    for name, given in options.items():
+        x = study.estimate(scenario, case, z, **given).x[..., : len(case.B)]
+        squares[name] = study.squares(x - truth, case.faulty)
+    pairs = [("MFF", other) for other in options if other != "MFF"]
+    pairs += [("SFF", "OKF"), ("SFF(1)", "OKF"), ("SFF", "input bias"), ("input bias", "OKF")]
+    ratios = {pair: study.ratio(squares[pair[0]], squares[pair[1]]) for pair in pairs}
+    return Setting(*setting, ratios)
+
+
+def shares(settings, one, other):
+    """Return the share of settings that `one` wins, and counts (wins, ties, losses) by interval."""
+    ratios = [setting.ratios[one, other] for setting in settings]
+    wins = sum(r.value < 1 for r in ratios)
+    clear = (sum(r.high < 1 for r in ratios), sum(r.low > 1 for r in ratios))
+    counts = (clear[0], len(ratios) - sum(clear), clear[1])
+    return montecarlo.share(wins, len(ratios)), counts
+
+
+class Detection(NamedTuple):
+    """Delay against false alarms for one kind of fault, at each α."""
+
+    alphas: np.ndarray  # (k,)
+    false_alarms: np.ndarray  # (k,) share of healthy samples above the threshold
+    delay: np.ndarray  # (k,) s, mean time to the first alarm, missed ones counted as the end
+    missed: np.ndarray  # (k,) share of runs without an alarm to the end
+
+
+def first_alarm(beta, limit, dt):
+    """Return each run's time from the start of `beta` (runs, steps) to its first alarm, s.
+
+    The first sample counts `dt`. Without an alarm the result is NaN.
+    """
+    alarm = beta > limit
+    first = (alarm.argmax(axis=1) + 1) * dt
+    return np.where(alarm.any(axis=1), first, np.nan)
+
+
+def moving_sum(beta, length):
+    """Return the sum of the latest `length` values along time, (runs, steps − length + 1)."""
+    return np.lib.stride_tricks.sliding_window_view(beta, length, axis=1).sum(axis=-1)
+
+
+def detection(scenario, plane="steering", alphas=ALPHAS):
+    """Return {fault: Detection} for the optimal filter's β, and for no fault at all."""
+    noise = study.draw(scenario, plane)
+
+    def one(fault):
+        case = study.problem(scenario, plane, fault=fault)
+        _, z = study.simulate(case, noise)
+        beta = study.estimate(scenario, case, z).nis
+        after = beta[:, case.times > scenario.fault_time]
+        rows = []
+        for alpha in alphas:
+            limit = adaptive.threshold(alpha, len(case.H))
+            first = first_alarm(after, limit, scenario.dt)
+            missed = np.isnan(first)
+            longest = after.shape[1] * scenario.dt
+            delay = np.where(missed, longest, first).mean()
+            rows.append(((beta[:, case.healthy] > limit).mean(), delay, missed.mean()))
+        return Detection(np.array(alphas), *np.array(rows).T)
+
+    faults = (*study.FAULTS, "none")
+    return dict(zip(faults, montecarlo.parallel_map(one, faults), strict=True))
+
+
+def healthy_cost(scenario, plane="steering", alphas=ALPHAS):
+    """Return {filter: [ratio of its healthy RMSE to the optimal filter's, for each α]}."""
+    case = study.problem(scenario, plane, fault="none")
+    truth, z = study.simulate(case, study.draw(scenario, plane))
+    samples = case.times > study.HEALTHY_FROM
+    optimal = study.squares(study.estimate(scenario, case, z).x - truth, samples)
+    fading = {n: o for n, o in study.filters(scenario).items() if "method" in o}
+
+    def one(job):
+        name, alpha = job
+        x = study.estimate(scenario, case, z, **fading[name], alpha=alpha).x
+        return study.ratio(study.squares(x - truth, samples), optimal)
+
+    jobs = [(name, alpha) for name in fading for alpha in alphas]
+    ratios = iter(montecarlo.parallel_map(one, jobs))
+    return {name: [next(ratios) for _ in alphas] for name in fading}
+
+
+def window_effect(scenario, windows=(1, 2, 5, 10, 20, 30, 50)):
+    """Return {(method, noise): [ratio to the OKF after the fault, for each window]}."""
+    noise = study.draw(scenario)
+    result = {}
+    for label, given in (("iso", {}), ("base", study.BASE)):
+        case = study.problem(scenario, **given)
+        truth, z = study.simulate(case, noise)
+        optimal = study.squares(study.estimate(scenario, case, z).x - truth, case.faulty)
+        for method in ("single", "multiple"):
+            jobs = [{"method": method, "window": window} for window in windows]
+            result[method, label] = [
+                study.ratio(
+                    study.squares(
+                        study.estimate(scenario, case, z, **job).x - truth, case.faulty
+                    ),
+                    optimal,
+                )
+                for job in jobs
+            ]  # fmt: skip
+    return result
+
+
+def unit_change(scenario, name, factors):
+    """Return the ratio of a fading filter's RMSE with ψ in other units to that in radians.
+
+    `factors` multiply ψ; 180/π makes it degrees. Geometric mean over the states.
+    """
+    noise = study.draw(scenario)
+    options = study.filters(scenario)[name]
+    squares = []
+    for factor in (1.0, *factors):
+        units = np.array([1.0, 1.0, factor])
+        case = study.problem(scenario, units=units)
+        truth, z = study.simulate(case, noise)
+        errors = (study.estimate(scenario, case, z, **options).x - truth) / units
+        squares.append(study.squares(errors, case.faulty))
+    return [study.ratio(one, squares[0]) for one in squares[1:]]
+
+
+def consistency_bounds(n, runs):
+    """Return the two-sided 95 % bounds of the mean over `runs` runs of a χ² number, n degrees."""
+    low, high = chi2.ppf([0.025, 0.975], n * runs) / runs
+    return float(low), float(high)
