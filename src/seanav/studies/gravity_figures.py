@@ -89,17 +89,17 @@ def paths(chart, information, curves, points_km):
             ax.annotate(name, middle, ha="center", va="center", fontsize="small", bbox=box)
     _mark(ax, points_km)
     handles, names = ax.get_legend_handles_labels()
-    ax.legend(handles[:2], names[:2], loc="upper right", fontsize="small")
+    ax.legend(handles[:2], names[:2], loc="upper right", fontsize="small", frameon=True)
     return fig
 
 
 def _decades(ax):
     ax.set_yscale("log")
+    low, high = ax.get_ylim()
     ticks = [0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0]
     ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     ax.set_yticks([], minor=True)
-    low, high = ax.get_ylim()
-    ax.set_ylim(max(low, 0.02), min(high, 3.0))
+    ax.set_ylim(low, high)  # setting ticks has widened it
 
 
 def rmse_curves(scores, level):
