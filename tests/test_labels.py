@@ -15,6 +15,11 @@ def task(seed, process_noise=0.05):
     return walks.problem(walks.field(5, 5, seed), START, GOAL, process_noise=process_noise)
 
 
+def random_covariance(rng):
+    root = rng.normal(size=(2, 2)) * rng.uniform(0.1, 2.0, 2)
+    return root @ root.T + 1e-3 * np.eye(2)
+
+
 @pytest.mark.parametrize("process_noise", NOISES)
 @pytest.mark.parametrize("seed", range(8))
 def test_exact_search_finds_the_best_of_all_walks(seed, process_noise):
@@ -72,6 +77,32 @@ def test_tolerance_costs_at_most_what_a_star_costs_and_never_beats_the_optimum(s
         assert plan.labels <= optimum.labels
 
 
+@pytest.mark.parametrize("epsilon", [0.0, 0.2])
+@pytest.mark.parametrize("seed", range(4))
+def test_search_is_the_textbook_label_search(seed, epsilon):
+    this = walks.problem(walks.field(4, 6, seed), (0, 3), (5, 0), process_noise=0.01)
+    table = labels.gain_table(this["gradient"])
+    known = planning.Plan(walks.straight(this), None, None, None, None)
+    plan = labels.plan_labels(**this, epsilon=epsilon, incumbent=known)
+    cost, expanded, made = walks.textbook_labels(
+        this, epsilon, lambda node, P: remaining(this, table, node, P)
+    )
+    assert plan.cost == pytest.approx(cost, rel=1e-12)
+    assert (plan.expanded, plan.labels) == (expanded, made)
+
+
+def test_covariances_are_compared_by_the_eigenvalues_of_their_difference():
+    rng = np.random.default_rng(7)
+    answers = []
+    for _ in range(300):
+        one, other = random_covariance(rng), random_covariance(rng)
+        factor = rng.uniform(0.5, 3.0)
+        answers.append(np.linalg.eigvalsh(factor * other - one).min() >= 0)
+        numbers = (P[[0, 0, 1], [0, 1, 1]] for P in (one, other))
+        assert labels._below(*numbers, factor) == answers[-1]
+    assert 0.1 < np.mean(answers) < 0.9
+
+
 def test_larger_tolerance_keeps_fewer_labels():
     this = walks.problem(walks.field(9, 12, 1), (0, 0), (11, 8))
     counts = [labels.plan_labels(**this, epsilon=e).labels for e in (2.0, 0.3, 0.05)]
@@ -119,11 +150,6 @@ def remaining(this, table, node, P):
     steps = max(abs(node[0] - this["goal"][0]), abs(node[1] - this["goal"][1]))
     gains = table[node[1], node[0]]
     return labels.remaining(P[0, 0], P[0, 1], P[1, 1], gains, steps, this["noise"] ** 2)
-
-
-def random_covariance(rng):
-    root = rng.normal(size=(2, 2)) * rng.uniform(0.1, 2.0, 2)
-    return root @ root.T + 1e-3 * np.eye(2)
 
 
 def test_remaining_cost_is_the_formula_at_each_step_with_the_best_pair():

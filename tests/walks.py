@@ -81,14 +81,18 @@ def _depth_first(gradient, goal, R, q, floors, walk, best, at, depth, G, a, b, c
                 _depth_first(gradient, goal, R, q, *args)
 
 
-def best_walk(task):
-    """Search all walks depth first; return the smallest cost and its nodes."""
-    R, q = task["noise"] ** 2, task["process_noise"] * task["spacing"] / task["speed"]
-    # A straight walk is the first that is known.
+def straight(task):
+    """Shortest walk, diagonal first."""
     nodes = [task["start"]]
     while tuple(nodes[-1]) != tuple(task["goal"]):
         nodes.append(tuple(np.add(nodes[-1], np.sign(np.subtract(task["goal"], nodes[-1])))))
-    known = walk_cost(task, nodes) * (1 + 1e-12)
+    return np.array(nodes)
+
+
+def best_walk(task):
+    """Search all walks depth first; return the smallest cost and its nodes."""
+    R, q = task["noise"] ** 2, task["process_noise"] * task["spacing"] / task["speed"]
+    known = walk_cost(task, straight(task)) * (1 + 1e-12)
     longest = int(known / q) + 1  # each step costs at least q
     most = (task["gradient"] ** 2).sum(axis=0).max() / R
     J0 = np.linalg.eigvalsh(np.linalg.inv(task["P0"])).max()
@@ -145,3 +149,44 @@ def moved(task, move):
 
     start, goal = (tuple(map(int, carry(task[name]))) for name in ("start", "goal"))
     return task | {"gradient": gradient, "P0": U @ P @ U.T, "start": start, "goal": goal}, carry
+
+
+def textbook_labels(task, epsilon, remaining):
+    """Multi-label search from plain lists: cost, labels expanded, labels made.
+
+    `remaining(node, P)` is the lower bound that orders and prunes; the straight walk of
+    `straight` is the first that is known.
+    """
+    start, goal = tuple(task["start"]), tuple(task["goal"])
+    best, order, expanded = walk_cost(task, straight(task)), itertools.count(), 0
+    first = (remaining(start, task["P0"]), next(order), 0.0, [start], np.asarray(task["P0"]))
+    opened, cells = [first], {start: [first]}
+    while opened:
+        label = min(opened, key=lambda one: one[:2])
+        if label[0] >= best:
+            break
+        opened = [one for one in opened if one[1] != label[1]]
+        expanded += 1
+        _, _, G, path, P = label
+        for node in neighbours(task, path[-1]):
+            after = walk_bound(task | {"P0": P}, [path[-1], node])[1]
+            cost = G + np.trace(after)
+            F = cost + remaining(node, after)
+            kept = cells.setdefault(node, [])
+            if best <= F or any(
+                one[2] <= cost and _not_above(one[4], after, epsilon) for one in kept
+            ):
+                continue
+            new = (F, next(order), cost, [*path, node], after)
+            worse = {one[1] for one in kept if one[2] > cost and _not_above(after, one[4], epsilon)}
+            cells[node] = [*(one for one in kept if one[1] not in worse), new]
+            opened = [one for one in opened if one[1] not in worse]
+            if node == goal:
+                best = cost
+            else:
+                opened.append(new)
+    return best, expanded, next(order)
+
+
+def _not_above(one, other, epsilon):
+    return np.linalg.eigvalsh((1 + epsilon) * other - one).min() >= -1e-13 * np.trace(other)
