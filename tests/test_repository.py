@@ -4,11 +4,14 @@ import ast
 import importlib.util
 import re
 import subprocess
+from collections import Counter
 from pathlib import Path
 
 import nbformat
 import pytest
 
+from seanav import runner
+from seanav.report import VERDICTS
 from seanav.runner import imports
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -226,3 +229,12 @@ def test_make_help_lists_every_target():
     phony = re.search(r"^\.PHONY: (.*)$", text, re.M).group(1).split()
     listed = re.findall(r"^([a-z.]+):.*## ", text, re.M)
     assert set(phony) - {"FORCE"} == set(listed)
+
+
+def test_the_readme_counts_the_verdicts_of_every_paper():
+    readme = (ROOT / "README.md").read_text()
+    for stem, claims in runner.claims(ROOT).items():
+        counts = Counter(claim["verdict"] for claim in claims.values())
+        (line,) = [line for line in readme.splitlines() if f"notebooks/{stem}.ipynb" in line]
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        assert [int(cell) for cell in cells[2:]] == [counts[verdict] for verdict in VERDICTS], stem
