@@ -11,6 +11,7 @@ import netCDF4
 import numpy as np
 import pytest
 import rasterio
+import rasterio.warp
 from rasterio.transform import Affine
 
 from seanav import runner
