@@ -53,7 +53,7 @@ class Scenario:
     hidden_sizes: tuple = (20, 50, 100, 200)
     weights: tuple = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
     intervals: tuple = (1, 5, 10, 20)
-    turn_rates_deg_s: tuple = (0.0, 0.01, 0.02, 0.04, 0.07, 0.1, 0.2, 0.4)
+    turn_rates_deg_s: tuple = (0.0, 0.003, 0.006, 0.01, 0.02, 0.05, 0.1, 0.2)
     runs: int = 320
     seed: int = 2
 
@@ -268,14 +268,14 @@ def first_teaching(scenario, z, teacher, weights="weights"):
     return montecarlo.parallel_map(one, batches(len(z)), label=f"teaching, H = {scenario.hidden}")
 
 
-def teach_courses(scenario, measured, teachers):
+def teach_courses(scenario, measured, teachers, weights="weights"):
     """Return the first teaching by course; courses with the same lesson share one."""
     taught, seen = {}, {}
     lesson = slice(scenario.settle, scenario.examination)
     for name, z in measured.items():
         key = z[:, lesson].tobytes() + teachers[name][:, lesson].tobytes()
         if key not in seen:
-            seen[key] = first_teaching(scenario, z, teachers[name])
+            seen[key] = first_teaching(scenario, z, teachers[name], weights)
         taught[name] = seen[key]
     return taught
 
