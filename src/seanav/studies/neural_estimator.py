@@ -52,7 +52,7 @@ class Scenario:
     learner: str = "delta rule"
     hidden_sizes: tuple = (20, 50, 100, 200)
     weights: tuple = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
-    intervals: tuple = (1, 5, 10, 20)
+    intervals: tuple = (5, 10, 20)
     turn_rates_deg_s: tuple = (0.0, 0.003, 0.006, 0.01, 0.02, 0.05, 0.1, 0.2)
     runs: int = 320
     seed: int = 2

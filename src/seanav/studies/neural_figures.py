@@ -45,7 +45,7 @@ def perceptron(hidden, shown=5):
                 ax.plot([x0, x1], [a, b], color="0.6", linewidth=0.7, linestyle="-")
     for (x, _, names), y in zip(layers, places, strict=True):
         ax.plot(np.full(len(y), x), y, "o", color="white", markeredgecolor="black", markersize=17)
-        for name, height in zip(names, y, strict=True):
+        for name, height in zip(names, y, strict=False):
             ax.text(x + (0.35 if x else -0.35), height, name, ha="center", va="center")
     ax.text(2, -2.75, f"{hidden} logistic neurons, {shown} drawn", ha="center")
     ax.text(0, -1.4, "scaled input", ha="center")

@@ -57,11 +57,12 @@ def score_rows(done, names, phases=None):
             for name in names:
                 error = scores.rmse(result.estimates[name], result.truth, result.phases[phase])
                 won = scores.won(result.squared(name, phase), result.squared("teacher", phase))
-                rows.append([course, phase, name, *_three(error), *_three(won)])
+                rows.append([course, phase, name, *three(error), *three(won)])
     return rows
 
 
-def _three(estimate):
+def three(estimate):
+    """Return value, low and high of an Estimate."""
     return [estimate.value, estimate.low, estimate.high]
 
 
@@ -92,7 +93,7 @@ def factor_rows(varied):
     for level, by_course in varied.items():
         for course, (network, teacher) in by_course.items():
             error = scores.montecarlo.root_mean_square(network)
-            rows.append([level, course, *_three(error), *_three(scores.won(network, teacher))])
+            rows.append([level, course, *three(error), *three(scores.won(network, teacher))])
     return rows
 
 
@@ -155,3 +156,35 @@ def slope(network, centre, step=0.5):
         answers = network(np.stack([centre + shift, centre - shift]))
         result[:, k] = (answers[0] - answers[1]) / (2 * step)
     return result
+
+
+def origins(scenario):
+    """Return the parameters with unit and origin, rows for `Report.parameters`."""
+    text, assumed = "text", "assumed"
+    rows = {
+        "speed": ("m/s", assumed, "a merchant ship"),
+        "heading_deg": ("deg", assumed, "neither component is zero"),
+        "steps": ("", assumed, "ten minutes; 3 s a step: text"),
+        "settle": ("steps", text, "stage 1"),
+        "pairs": ("steps", text, "stage 2"),
+        "noise": ("m/s", assumed, "per component"),
+        "q": ("(m/s)²", assumed, "per step and component"),
+        "w1": ("", assumed, "the paper gives no value"),
+        "innovation": ("", "derived", "the text: w2 = 0 is GLS"),
+        "hidden": ("", text, "20 to 200, 100 chosen"),
+        "rate": ("", assumed, ""),
+        "spread": ("", assumed, "random: text"),
+        "delta": ("scaled", text, "stage 3"),
+        "reading": ("", assumed, "the text: a difference"),
+        "max_epochs": ("", assumed, "the paper has no cap"),
+        "examination_input": ("", assumed, "the text is ambiguous"),
+        "interval": ("steps", assumed, "cyclic: text"),
+        "reteach_epochs": ("", assumed, ""),
+        "learner": ("", text, ""),
+        "runs": ("", assumed, "the paper tells of none"),
+        "seed": ("", assumed, "the first one tried"),
+    }
+    return [
+        (name, getattr(scenario, name), unit, origin, *([note] if note else []))
+        for name, (unit, origin, note) in rows.items()
+    ]
