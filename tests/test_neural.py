@@ -167,7 +167,8 @@ def test_one_correction_is_the_one_of_scikit_learn():
     x, t = pairs(runs=1, count=1)
     s, answer = neural.scale(x[:, :, 0]), neural.scale(net(x)[:, :, 0])
     other = MLPRegressor(
-        hidden_layer_sizes=(9,), activation="logistic", solver="sgd", alpha=0.0, batch_size=1, momentum=0.0,
+        hidden_layer_sizes=(9,), activation="logistic", solver="sgd", alpha=0.0,
+        batch_size=1, momentum=0.0,
         learning_rate_init=0.1, random_state=0,
     )  # fmt: skip
     other.partial_fit(s, answer)
