@@ -11,7 +11,6 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
-from seanav import montecarlo
 from seanav.filters import neural
 from seanav.studies import neural_estimator as study
 
@@ -53,6 +52,7 @@ def main():
     teacher = study.numerical(scenario, z)
     taught = study.first_teaching(scenario, z, teacher)
     lesson = slice(scenario.settle, scenario.examination)
+    first, start = (z[0, lesson], teacher[0, lesson]), z[:1, 0]
     one = replace(scenario, runs=2)
     alone = study.first_teaching(one, z[:1], teacher[:1])[0].network
     points = np.ascontiguousarray(np.moveaxis(z[:1], 0, -1))
@@ -64,14 +64,18 @@ def main():
             None,
             lambda: study.examine(scenario, z, teacher, taught, "re-taught"),
         ),
-        ("MLPRegressor, one network", None, lambda: scikit_learn(one, z[0, lesson], teacher[0, lesson])),
+        ("MLPRegressor, one network", None, lambda: scikit_learn(one, *first)),
         ("network, one run, 200 steps", None, lambda: alone(points)),
-        ("numerical filter, one run, 200 steps", None, lambda: neural.estimate(z[:1], K, 0.3, z[:1, 0])),
-    ]  # fmt: skip
+        (
+            "numerical filter, one run, 200 steps",
+            None,
+            lambda: neural.estimate(z[:1], K, 0.3, start),
+        ),
+    ]
     print(f"{'what':40} {'wall (s)':>10} {'CPU (s)':>10} {'target (s)':>11}")
     times = {}
     for what, target, function in rows:
-        times[what] = best_of(function)
+        times[what] = best_of(function, 1 if what.startswith("MLP") else 3)
         wall, cpu = times[what]
         print(f"{what:40} {wall:10.4f} {cpu:10.4f} {target if target else '':>11}")
     ours = times["teach 300 networks, H = 100"][1] / 300
@@ -84,8 +88,6 @@ def main():
         f"per step: network {step * 1e6:.1f} µs, with its teaching {(step + share) * 1e6:.0f} µs, "
         f"numerical filter in NumPy {kalman * 1e6:.1f} µs"
     )
-    network = neural.random_network(montecarlo.streams(0, "weights", 1), scenario.hidden)
-    print(f"numbers in a network: {network.hidden.size + network.output.size}")
 
 
 if __name__ == "__main__":
