@@ -209,6 +209,24 @@ def test_break_even_of_known_curves():
     assert scores.break_even(rates, a, [100 * ones[1]] * 3) is None
 
 
+def test_what_equals_the_default_is_not_run_again():
+    scenario = replace(SMALL, steps=50)
+    done = tables.courses(scenario)
+    name = ("one turn",)
+    known = tables.vary(scenario, done, name, "re-taught")["one turn"]
+    again = tables.vary(scenario, {"one turn": done["one turn"]}, name, "re-taught", interval=3)
+    np.testing.assert_array_equal(known[0], done["one turn"].squared("re-taught"))
+    np.testing.assert_array_equal(known[1], again["one turn"][1])
+    assert (known[0] != again["one turn"][0]).all()
+    anew = tables.vary(scenario, done, name, learner="delta rule", weights="weights")["one turn"]
+    np.testing.assert_array_equal(anew[0], done["one turn"].squared("frozen"))
+    other = tables.vary(scenario, done, name, weights="other weights")["one turn"]
+    assert (anew[0] != other[0]).all()
+    bigger = tables.vary(scenario, done, name, hidden=7)["one turn"]
+    assert (anew[0] != bigger[0]).all()
+    np.testing.assert_array_equal(anew[1], bigger[1])
+
+
 def test_stops_count_runs_and_epochs():
     history = np.full((3, 3, 2), 1.0)
     history[1:, 0, 0] = 1e-4

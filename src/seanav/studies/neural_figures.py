@@ -25,8 +25,8 @@ def diagram(boxes, arrows, size):
         style |= {"patchB": drawn[end].get_bbox_patch()}
         ax.annotate("", (x1, y1), (x0, y0), arrowprops=style)
         if text:
-            middle = ((x0 + x1) / 2, (y0 + y1) / 2)
-            ax.annotate(text, middle, (0, 5), textcoords="offset points", ha="center", fontsize=8)
+            place = (x0 + 0.3 * (x1 - x0), y0 + 0.3 * (y1 - y0))
+            ax.annotate(text, place, (4, 5), textcoords="offset points", ha="center", fontsize=8)
     return fig
 
 
@@ -163,7 +163,7 @@ def curves(x, series, xlabel, ylabel, *, log=False, mark=None):
     if mark is not None:
         ax.axvline(mark, color="0.5", linewidth=1, linestyle=":")
     ax.set(xlabel=xlabel, ylabel=ylabel)
-    ax.legend()
+    fig.legend(loc="outside upper center", ncols=5)
     return fig
 
 
@@ -190,8 +190,8 @@ def speed_plane(network, x, t, truth, reach=1.5):
     grid = np.stack([north.ravel(), east.ravel()], axis=1)
     answer = network(grid[:, :, None])[:, :, 0]
     move = answer - grid
-    ax.quiver(*grid.T[::-1], *move.T[::-1], angles="xy", scale_units="xy", scale=1, color="0.75",
-              width=0.003)  # fmt: skip
+    for (n0, e0), (dn, de) in zip(grid, move, strict=True):
+        ax.plot([e0, e0 + de], [n0, n0 + dn], color="0.8", linewidth=0.6, linestyle="-")
     ax.plot(*x.T[::-1], "x", color="#0072b2", label="measurements of the lesson")
     ax.plot(*t.T[::-1], "o", color="#d55e00", markersize=4, label="teacher's answers")
     ax.plot(*answer.T[::-1], ".", color="black", markersize=4, label="outputs over the grid")

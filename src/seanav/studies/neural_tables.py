@@ -69,12 +69,15 @@ def three(estimate):
 def vary(scenario, done, names=study.COURSES, variant="frozen", weights="weights", **changes):
     """Return course -> (network, teacher), squared errors (runs,), one factor changed.
 
-    A change that concerns the first teaching or its teacher teaches anew.
+    A change that concerns the first teaching or its teacher teaches anew; what equals
+    the default is taken from `done`.
     """
     changed = replace(scenario, **changes)
+    if changed == scenario and weights == "weights":
+        return {name: tuple(map(done[name].squared, (variant, "teacher"))) for name in names}
     measured = {name: done[name].z for name in names}
     teachers = {name: study.numerical(changed, z) for name, z in measured.items()}
-    if set(changes) <= {"interval", "reteach_epochs", "examination_input"} and changes:
+    if set(changes) <= {"interval", "reteach_epochs", "examination_input"}:
         taught = {name: done[name].taught for name in names}
     else:
         taught = study.teach_courses(changed, measured, teachers, weights)
