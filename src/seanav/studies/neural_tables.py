@@ -77,7 +77,8 @@ def vary(scenario, done, names=study.COURSES, variant="frozen", weights="weights
         return {name: tuple(map(done[name].squared, (variant, "teacher"))) for name in names}
     measured = {name: done[name].z for name in names}
     teachers = {name: study.numerical(changed, z) for name, z in measured.items()}
-    if set(changes) <= {"interval", "reteach_epochs", "examination_input"}:
+    later = {"interval", "reteach_epochs", "examination_input"}
+    if weights == "weights" and set(changes) <= later:
         taught = {name: done[name].taught for name in names}
     else:
         taught = study.teach_courses(changed, measured, teachers, weights)
