@@ -8,6 +8,7 @@ from seanav.studies.neural_estimator import STEP
 
 ARROW = {"arrowstyle": "-|>", "color": "black", "shrinkA": 2, "shrinkB": 2}
 BOX = {"boxstyle": "round,pad=0.45", "facecolor": "0.93", "edgecolor": "black"}
+LABEL = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none"}
 
 
 def diagram(boxes, arrows, size):
@@ -26,7 +27,7 @@ def diagram(boxes, arrows, size):
         ax.annotate("", (x1, y1), (x0, y0), arrowprops=style)
         if text:
             place = (x0 + 0.3 * (x1 - x0), y0 + 0.3 * (y1 - y0))
-            ax.annotate(text, place, (4, 5), textcoords="offset points", ha="center", fontsize=8)
+            ax.text(*place, text, ha="center", va="center", fontsize=8, bbox=LABEL)
     return fig
 
 
