@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from seanav import checks, montecarlo
+from seanav.filters import neural
 from seanav.studies import neural_estimator as study
 from seanav.studies import neural_scores as scores
 from seanav.studies import neural_tables as tables
@@ -116,6 +117,20 @@ def test_variants_differ_by_their_lessons(lesson):
     np.testing.assert_array_equal(frozen[:, :40], teacher[:, :40])
     asked = taught[0].network(np.moveaxis(z[:, 50:51], 0, -1))
     np.testing.assert_array_equal(frozen[:, 50], asked[0].T)
+
+
+@pytest.mark.parametrize("variant", ["re-taught", "self-taught"])
+def test_first_supplement_to_the_education_step_by_step(lesson, variant):
+    z, teacher, taught = lesson
+    frozen = study.examine(SMALL, z, teacher, taught)
+    x, t = (np.moveaxis(v[:, 25:45], 0, -1) for v in (z, teacher))
+    t = t.copy()
+    if variant == "self-taught":
+        t[15:] = np.moveaxis(frozen[:, 40:45], 0, -1)
+    after = neural.teach(taught[0].network, x, t, max_epochs=3).network
+    expected = np.moveaxis(after(np.moveaxis(z[:, 45:50], 0, -1)), -1, 0)
+    ours = study.examine(SMALL, z, teacher, taught, variant)
+    np.testing.assert_array_equal(ours[:, 45:50], expected)
 
 
 def test_hybrid_is_the_network_while_steady_and_the_teacher_in_a_sharp_turn(lesson):
