@@ -1,0 +1,94 @@
+"""Speed of paper 2: teaching, network against Kalman filter, scikit-learn. Nothing passes or fails.
+
+Ratios are taken between things that ran in this one process.
+"""
+
+import time
+import warnings
+from dataclasses import replace
+
+import numpy as np
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.neural_network import MLPRegressor
+
+from seanav.filters import neural
+from seanav.studies import neural_estimator as study
+
+
+def best_of(function, repeats=3):
+    """Return the least wall and CPU time of several calls, s; the first call compiles."""
+    function()
+    times = []
+    for _ in range(repeats):
+        wall, cpu = time.perf_counter(), time.process_time()
+        function()
+        times.append((time.perf_counter() - wall, time.process_time() - cpu))
+    return tuple(min(column) for column in zip(*times, strict=True))
+
+
+def scikit_learn(scenario, x, t):
+    """Teach one network pair after pair for as many epochs, as the delta rule does."""
+    network = MLPRegressor(
+        hidden_layer_sizes=(scenario.hidden,),
+        activation="logistic",
+        solver="sgd",
+        alpha=0.0,
+        batch_size=1,
+        momentum=0.0,
+        learning_rate_init=scenario.rate,
+        max_iter=scenario.max_epochs,
+        n_iter_no_change=scenario.max_epochs,
+        tol=0.0,
+        random_state=0,
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        network.fit(neural.scale(x), neural.scale(t))
+
+
+def main():
+    scenario = replace(study.Scenario(), runs=300)
+    z = study.measure(scenario, study.course(scenario, "steady"))
+    teacher = study.numerical(scenario, z)
+    taught = study.first_teaching(scenario, z, teacher)
+    lesson = slice(scenario.settle, scenario.examination)
+    first, start = (z[0, lesson], teacher[0, lesson]), z[:1, 0]
+    one = replace(scenario, runs=2)
+    alone = study.first_teaching(one, z[:1], teacher[:1])[0].network
+    points = np.ascontiguousarray(np.moveaxis(z[:1], 0, -1))
+    K, _ = neural.gains(scenario.q, scenario.R, scenario.R, scenario.steps)
+    rows = [
+        ("teach 300 networks, H = 100", 5.0, lambda: study.first_teaching(scenario, z, teacher)),
+        (
+            "re-taught examination, 300 runs",
+            None,
+            lambda: study.examine(scenario, z, teacher, taught, "re-taught"),
+        ),
+        ("MLPRegressor, one network", None, lambda: scikit_learn(one, *first)),
+        ("network, one run, 200 steps", None, lambda: alone(points)),
+        (
+            "numerical filter, one run, 200 steps",
+            None,
+            lambda: neural.estimate(z[:1], K, 0.3, start),
+        ),
+    ]
+    print(f"{'what':40} {'wall (s)':>10} {'CPU (s)':>10} {'target (s)':>11}")
+    times = {}
+    for what, target, function in rows:
+        times[what] = best_of(function, 1 if what.startswith("MLP") else 3)
+        wall, cpu = times[what]
+        print(f"{what:40} {wall:10.4f} {cpu:10.4f} {target if target else '':>11}")
+    ours = times["teach 300 networks, H = 100"][1] / 300
+    ratio = times["MLPRegressor, one network"][1] / ours
+    print(f"teaching: {ours * 1e3:.1f} ms CPU a network, MLPRegressor {ratio:.0f} times as long")
+    step = times["network, one run, 200 steps"][1] / scenario.steps
+    kalman = times["numerical filter, one run, 200 steps"][1] / scenario.steps
+    share = ours / (scenario.steps - scenario.examination)
+    print(
+        f"per step: network {step * 1e6:.1f} µs, with its teaching {(step + share) * 1e6:.0f} µs, "
+        f"numerical filter in NumPy {kalman * 1e6:.1f} µs"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,394 @@
+"""The neural estimator: a 2-H-2 logistic network and the numerical filters that teach it.
+
+Stateczny, "Neural state estimation in sea navigation" (2000): equations of section 2
+in the form that makes the paper's own sentences true, network of section 3. The state
+is a speed vector measured directly, F = G = I, so that every gain is one number.
+Networks of many runs are taught together, runs innermost.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from seanav import checks
+from seanav._compile import kernel
+
+READINGS = ("mean square", "rms", "max")  # of the teaching error that Δ bounds
+
+# ---------------------------------------------------------------- numerical filters
+
+
+def gains(q, R, P0, steps):
+    """Return the gains K and covariances P of a speed component by the Riccati recursion.
+
+    Step 0 is the start: K[0] = 0 there, P[0] = P0. The same for each component.
+
+    Parameters
+    ----------
+    q, R, P0 : float
+        Variances, (m/s)²: process noise per step, measurement noise, start.
+    steps : int
+        Number of steps, start included.
+
+    Returns
+    -------
+    K, P : ndarray, shape (steps,)
+        P is the filter's own error covariance; it is the truth for w1 = 0 only.
+    """
+    q = checks.number("q", q, at_least=0)
+    R = checks.number("R", R, above=0)
+    P0 = checks.number("P0", P0, at_least=0)
+    steps = checks.integer("steps", steps, at_least=1)
+    K, P = np.zeros(steps), np.full(steps, P0)
+    for i in range(1, steps):
+        predicted = P[i - 1] + q
+        K[i] = predicted / (predicted + R)
+        P[i] = predicted - K[i] * predicted
+    return K, P
+
+
+def steady_gain(q, R):
+    """Return the limit of the gain: the positive root of K² R = q (1 - K)."""
+    ratio = checks.number("q", q, at_least=0) / checks.number("R", R, above=0)
+    return (np.sqrt(ratio**2 + 4 * ratio) - ratio) / 2
+
+
+def estimate(z, K, w1, x0, innovation="blended"):
+    """Return the intermediate estimate; w1 = 0 is the Kalman filter, w1 = 1 GLS.
+
+    x_p = w1 z_i + (1 - w1) x_i is carried forward and corrected by z_{i+1}.
+
+    Parameters
+    ----------
+    z : ndarray, shape (runs, steps, 2)
+        Measured speed vectors, m/s.
+    K : ndarray, shape (steps,)
+        Gains; K[0] is not used.
+    w1 : float or ndarray, shape (runs, steps)
+        Weight of the running measurement in [0, 1], at step i for the way to i + 1.
+    x0 : ndarray, shape (runs, 2) or (2,)
+        Estimate at step 0, m/s.
+    innovation : {"blended", "printed"}
+        What the measurement is compared with: x_p, or the x_{i+1|i} = F x_i of the
+        printed equation, which is not GLS for w1 = 1.
+
+    Returns
+    -------
+    ndarray, shape (runs, steps, 2)
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If a weight lies outside [0, 1] or `innovation` is unknown.
+
+    Notes
+    -----
+    Paper, section 2, third set of equations.
+    """
+    checks.choice("innovation", innovation, ("blended", "printed"))
+    w1 = np.asarray(w1, dtype=float)
+    if not ((w1 >= 0) & (w1 <= 1)).all():
+        worst = w1.ravel()[np.argmax(np.abs(w1.ravel() - 0.5))]
+        raise checks.ParameterError("w1", float(worst), "must be a weight between 0 and 1")
+    weight = np.broadcast_to(w1, z.shape[:2])
+    x = np.empty_like(z)
+    x[:, 0] = x0
+    for i in range(z.shape[1] - 1):
+        w = weight[:, i, None]
+        blend = w * z[:, i] + (1 - w) * x[:, i]
+        expected = blend if innovation == "blended" else x[:, i]
+        x[:, i + 1] = blend + K[i + 1] * (z[:, i + 1] - expected)
+    return x
+
+
+def manoeuvre_weight(z, K, P, R, q, x0, *, memory=5, threshold=9.21):
+    """Return a w1 that rises smoothly with the manoeuvre, shape (runs, steps).
+
+    The squared sum of the last `memory` Kalman innovations over its variance is
+    chi-squared with two degrees of freedom on a steady course; d⁴/(d⁴ + threshold²)
+    is the weight. It uses measurements up to its own step only.
+
+    Parameters
+    ----------
+    z, x0
+        As in `estimate`.
+    K, P : ndarray, shape (steps,)
+        From `gains` with the same `R` and `q`.
+    R, q : float
+        Variances, (m/s)².
+    memory : int
+        Innovations that are summed, at least 1.
+    threshold : float
+        Where the weight is one half; default: the 99 % point.
+    """
+    memory = checks.integer("memory", memory, at_least=1)
+    kalman = estimate(z, K, 0.0, x0)
+    innovation = np.zeros_like(z)
+    innovation[:, 1:] = z[:, 1:] - kalman[:, :-1]
+    variance = np.concatenate([[0.0], P[:-1] + q + R])
+    d2 = np.zeros(z.shape[:2])
+    for i in range(1, z.shape[1]):
+        first = max(1, i - memory + 1)
+        total = innovation[:, first : i + 1].sum(axis=1)
+        d2[:, i] = (total**2).sum(axis=1) / variance[first : i + 1].sum()
+    return d2**2 / (d2**2 + threshold**2)
+
+
+def steady_variance(K, w1, R):
+    """Return the error variance per component on a steady course, (m/s)².
+
+    The estimate is a moving average of the measurements with weights h0, h1, h1 φ,
+    h1 φ² …: h0 = K, φ = (1 - K)(1 - w1), h1 = φ K + (1 - K) w1.
+    """
+    phi = (1 - K) * (1 - w1)
+    first = phi * K + (1 - K) * w1
+    return R * (K**2 + first**2 / (1 - phi**2))
+
+
+# ---------------------------------------------------------------- the network
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """The weights of one network per run.
+
+    Attributes
+    ----------
+    hidden : ndarray, shape (5, H, runs)
+        Per hidden neuron: weights from the two inputs, its threshold, weights to the
+        two outputs.
+    output : ndarray, shape (2, runs)
+        Thresholds of the output neurons.
+    """
+
+    hidden: np.ndarray
+    output: np.ndarray
+
+    def __call__(self, x):
+        """Return the output for `x` in m/s, shape (points, 2, runs), in m/s."""
+        scaled = np.ascontiguousarray(scale(x))
+        result = np.empty_like(scaled)
+        _answers(self.hidden, self.output, scaled, result)
+        return unscale(result)
+
+    def runs(self, part):
+        """Return the networks of the runs in the slice `part`."""
+        return Network(
+            np.ascontiguousarray(self.hidden[:, :, part]),
+            np.ascontiguousarray(self.output[:, part]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Teaching:
+    """What a teaching session did; history has shape (epochs, 3, runs), order `READINGS`.
+
+    Errors are in scaled units, each pair's before its own correction; `epochs` counts
+    the epochs that changed the weights (runs,), `met` says that Δ was reached (runs,):
+    where it is false the cap on the epochs was the stop. After its stop a run's
+    history goes on with frozen weights while other runs of the batch learn.
+    """
+
+    network: Network
+    epochs: np.ndarray
+    met: np.ndarray
+    history: np.ndarray
+
+
+def scale(v):
+    """Return a speed component scaled into [0, 1]: -10 m/s is 0, 10 m/s is 1."""
+    return v / 20.0 + 0.5
+
+
+def unscale(s):
+    """Return the speed component in m/s, the inverse of `scale`."""
+    return (s - 0.5) * 20.0
+
+
+def random_network(generators, hidden, spread=0.5):
+    """Return one network per generator, weights uniform in [-spread, spread].
+
+    Parameters
+    ----------
+    generators : list of numpy.random.Generator
+        One per run.
+    hidden : int
+        Neurons of the hidden layer, at least 1.
+    spread : float
+        Largest initial weight, above 0.
+    """
+    hidden = checks.integer("hidden", hidden, at_least=1)
+    spread = checks.number("spread", spread, above=0)
+    drawn = np.stack([g.uniform(-spread, spread, 5 * hidden + 2) for g in generators], axis=-1)
+    return Network(drawn[:-2].reshape(hidden, 5, -1).transpose(1, 0, 2).copy(), drawn[-2:].copy())
+
+
+def teach(network, inputs, targets, *, rate=0.1, delta=0.001, reading="max", max_epochs=500):
+    """Teach by the delta rule with backpropagation, pair after pair, until the error < Δ.
+
+    Parameters
+    ----------
+    network : Network
+        Where the teaching starts; it is not changed.
+    inputs, targets : ndarray, shape (pairs, 2, runs)
+        Teaching sequence in m/s: running measurement, the teacher's answer.
+    rate : float
+        Learning rate, above 0.
+    delta : float
+        Bound on the teaching error of an epoch, in scaled units, above 0.
+    reading : {"mean square", "rms", "max"}
+        Which error: over pairs and components.
+    max_epochs : int
+        Cap on the number of epochs, at least 1.
+
+    Returns
+    -------
+    Teaching
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If the teaching sequence is empty or a number out of its bounds.
+
+    Notes
+    -----
+    Paper, section 3. Each pair lowers half the sum of squares of its two errors.
+    """
+    rate = checks.number("rate", rate, above=0)
+    delta = checks.number("delta", delta, above=0)
+    checks.choice("reading", reading, READINGS)
+    max_epochs = checks.integer("max_epochs", max_epochs, at_least=1)
+    if np.ndim(inputs) != 3 or len(inputs) == 0 or np.shape(inputs) != np.shape(targets):
+        allowed = "must hold at least one pair, the same number of inputs and targets"
+        raise checks.ParameterError("teaching sequence", len(inputs), allowed)
+    hidden, output = network.hidden.copy(), network.output.copy()
+    runs = output.shape[1]
+    history = np.empty((max_epochs, 3, runs))
+    epochs = np.zeros(runs, dtype=np.int64)
+    met = np.zeros(runs, dtype=np.bool_)
+    done = _teach(
+        hidden,
+        output,
+        np.ascontiguousarray(scale(inputs)),
+        np.ascontiguousarray(scale(targets)),
+        rate,
+        delta,
+        READINGS.index(reading),
+        history,
+        epochs,
+        met,
+    )
+    return Teaching(Network(hidden, output), epochs, met, history[:done])
+
+
+# An exponential of our own, for two reasons: the mathematical libraries of two machines
+# differ in the last bit, and a call to one keeps the compiler from vectorising over runs.
+_LOG2E = 1.4426950408889634
+_LN2_HIGH = 0.693147180369123816490  # 32 bits of ln 2, so that k times it is exact
+_LN2_LOW = 1.90821492927058770002e-10
+_SHIFT = 6755399441055744.0 + 1023.0  # 1.5 · 2⁵²: adding it leaves an integer in the low bits
+
+
+@kernel
+def _logistic(v, power, bits):
+    # 1 / (1 + exp(-v)) in place. `power` and `bits` are one memory seen as float and int.
+    for n in range(v.size):
+        v[n] = min(max(-v[n], -700.0), 700.0)
+        power[n] = v[n] * _LOG2E + _SHIFT
+    for n in range(v.size):
+        k = power[n] - _SHIFT
+        r = (v[n] - k * _LN2_HIGH) - k * _LN2_LOW
+        p = 1.0 + r / 13.0
+        p = 1.0 + r * (1.0 / 12.0) * p
+        p = 1.0 + r * (1.0 / 11.0) * p
+        p = 1.0 + r * (1.0 / 10.0) * p
+        p = 1.0 + r * (1.0 / 9.0) * p
+        p = 1.0 + r * (1.0 / 8.0) * p
+        p = 1.0 + r * (1.0 / 7.0) * p
+        p = 1.0 + r * (1.0 / 6.0) * p
+        p = 1.0 + r * (1.0 / 5.0) * p
+        p = 1.0 + r * (1.0 / 4.0) * p
+        p = 1.0 + r * (1.0 / 3.0) * p
+        p = 1.0 + r * (1.0 / 2.0) * p
+        v[n] = 1.0 + r * p
+    for n in range(v.size):
+        bits[n] = bits[n] << 52  # k + 1023 moves into the exponent: the float 2ᵏ
+    for n in range(v.size):
+        v[n] = 1.0 / (1.0 + v[n] * power[n])
+
+
+@kernel
+def _forward(hidden, output, x, signal, answer, power, bits):
+    # signal (H, runs) and answer (2, runs) are filled.
+    neurons, runs = signal.shape
+    for h in range(neurons):
+        for r in range(runs):
+            signal[h, r] = hidden[0, h, r] * x[0, r] + hidden[1, h, r] * x[1, r] + hidden[2, h, r]
+    _logistic(signal.reshape(neurons * runs), power, bits)
+    for k in range(2):
+        for r in range(runs):
+            answer[k, r] = output[k, r]
+        for h in range(neurons):
+            for r in range(runs):
+                answer[k, r] += hidden[3 + k, h, r] * signal[h, r]
+    _logistic(answer.reshape(2 * runs), power, bits)
+
+
+@kernel
+def _answers(hidden, output, x, result):
+    neurons, runs = hidden.shape[1:]
+    signal = np.empty((neurons, runs))
+    bits = np.empty(max(neurons, 2) * runs, dtype=np.int64)
+    power = bits.view(np.float64)
+    for i in range(x.shape[0]):
+        _forward(hidden, output, x[i], signal, result[i], power, bits)
+
+
+@kernel
+def _teach(hidden, output, inputs, targets, rate, delta, reading, history, epochs, met):
+    # Changes hidden and output; returns the number of epochs that were begun.
+    neurons, runs = hidden.shape[1:]
+    pairs = inputs.shape[0]
+    signal = np.empty((neurons, runs))
+    answer = np.empty((2, runs))
+    slope = np.empty((2, runs))
+    bits = np.empty(max(neurons, 2) * runs, dtype=np.int64)
+    power = bits.view(np.float64)
+    step = np.full(runs, rate)  # a run that has stopped goes on with rate 0
+    for epoch in range(history.shape[0]):
+        error = history[epoch]
+        error[:] = 0.0
+        for i in range(pairs):
+            x = inputs[i]
+            _forward(hidden, output, x, signal, answer, power, bits)
+            for k in range(2):
+                for r in range(runs):
+                    miss = targets[i, k, r] - answer[k, r]
+                    error[0, r] += miss * miss
+                    error[2, r] = max(error[2, r], abs(miss))
+                    slope[k, r] = step[r] * miss * answer[k, r] * (1.0 - answer[k, r])
+                    output[k, r] += slope[k, r]
+            for h in range(neurons):
+                for r in range(runs):
+                    s = signal[h, r]
+                    back = slope[0, r] * hidden[3, h, r] + slope[1, r] * hidden[4, h, r]
+                    back *= s * (1.0 - s)
+                    hidden[0, h, r] += back * x[0, r]
+                    hidden[1, h, r] += back * x[1, r]
+                    hidden[2, h, r] += back
+                    hidden[3, h, r] += slope[0, r] * s
+                    hidden[4, h, r] += slope[1, r] * s
+        active = False
+        for r in range(runs):
+            error[0, r] /= 2.0 * pairs
+            error[1, r] = np.sqrt(error[0, r])
+            if not met[r]:
+                epochs[r] += 1
+                if error[reading, r] < delta:
+                    met[r] = True
+                    step[r] = 0.0
+                else:
+                    active = True
+        if not active:
+            return epoch + 1
+    return history.shape[0]

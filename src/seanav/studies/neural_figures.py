@@ -1,0 +1,202 @@
+"""The drawings of paper 2; each function returns a matplotlib figure and computes nothing new."""
+
+import numpy as np
+from matplotlib import pyplot as plt
+
+from seanav.filters.neural import READINGS
+from seanav.studies.neural_estimator import STEP
+
+ARROW = {"arrowstyle": "-|>", "color": "black", "shrinkA": 2, "shrinkB": 2}
+BOX = {"boxstyle": "round,pad=0.45", "facecolor": "0.93", "edgecolor": "black"}
+LABEL = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none"}
+
+
+def diagram(boxes, arrows, size):
+    """Draw boxes, name -> (x, y, text), and arrows (from, to, text)."""
+    fig, ax = plt.subplots(figsize=size)
+    drawn = {}
+    for name, (x, y, text) in boxes.items():
+        drawn[name] = ax.text(x, y, text, ha="center", va="center", bbox=BOX, fontsize=9)
+    xs, ys = zip(*[(x, y) for x, y, _ in boxes.values()], strict=True)
+    ax.set(xlim=(min(xs) - 1, max(xs) + 1), ylim=(min(ys) - 0.6, max(ys) + 0.6))
+    ax.axis("off")
+    for begin, end, text in arrows:
+        (x0, y0), (x1, y1) = boxes[begin][:2], boxes[end][:2]
+        style = ARROW | {"patchA": drawn[begin].get_bbox_patch()}
+        style |= {"patchB": drawn[end].get_bbox_patch()}
+        ax.annotate("", (x1, y1), (x0, y0), arrowprops=style)
+        if text:
+            place = (x0 + 0.3 * (x1 - x0), y0 + 0.3 * (y1 - y0))
+            ax.text(*place, text, ha="center", va="center", fontsize=8, bbox=LABEL)
+    return fig
+
+
+def perceptron(hidden, shown=5):
+    """Draw the layers of the network (Figure 1)."""
+    fig, ax = plt.subplots(figsize=(6.4, 3.6))
+    layers = (
+        (0, 2, ("$v_N$", "$v_E$")),
+        (2, shown, ()),
+        (4, 2, (r"$\hat v_N$", r"$\hat v_E$")),
+    )
+    places = [np.linspace(-1, 1, count) * (count - 1) / 2 for _, count, _ in layers]
+    for (x0, *_), y0, (x1, *_), y1 in zip(layers, places, layers[1:], places[1:], strict=False):
+        for a in y0:
+            for b in y1:
+                ax.plot([x0, x1], [a, b], color="0.6", linewidth=0.7, linestyle="-")
+    for (x, _, names), y in zip(layers, places, strict=True):
+        ax.plot(np.full(len(y), x), y, "o", color="white", markeredgecolor="black", markersize=17)
+        for name, height in zip(names, y, strict=False):
+            ax.text(x + (0.35 if x else -0.35), height, name, ha="center", va="center")
+    ax.text(2, -2.75, f"{hidden} logistic neurons, {shown} drawn", ha="center")
+    ax.text(0, -1.4, "scaled input", ha="center")
+    ax.text(4, -1.4, "logistic output", ha="center")
+    ax.set(xlim=(-1, 5), ylim=(-3, 2.4))
+    ax.axis("off")
+    return fig
+
+
+def system(scenario):
+    """Draw the numerical-neural system (Figure 2)."""
+    boxes = {
+        "z": (0, 1, "running\nmeasurements"),
+        "filter": (3, 2, f"numerical filter\nw1 = {scenario.w1:g}"),
+        "lesson": (3, 0, f"teaching sequence\n{scenario.pairs} pairs"),
+        "network": (6, 1, f"network\n2-{scenario.hidden}-2"),
+        "out": (9, 1, "filtered\nspeed vector"),
+    }
+    arrows = [
+        ("z", "filter", ""),
+        ("z", "lesson", ""),
+        ("filter", "lesson", ""),
+        ("lesson", "network", ""),
+        ("network", "out", ""),
+    ]
+    return diagram(boxes, arrows, (7.5, 3.2))
+
+
+def teaching(scenario):
+    """Draw the teaching of the network (Figure 3)."""
+    boxes = {
+        "pair": (0, 1, "teaching pair"),
+        "network": (3, 2, "network"),
+        "difference": (6, 1, "teacher − output"),
+        "rule": (3, 0, f"delta rule\nrate {scenario.rate:g}"),
+        "stop": (9, 1, f"{scenario.reading} error < {scenario.delta:g}\nor {scenario.max_epochs}"
+                 " epochs"),
+    }  # fmt: skip
+    arrows = [
+        ("pair", "network", "input"),
+        ("pair", "difference", "teacher's answer"),
+        ("network", "difference", "output"),
+        ("difference", "rule", "back"),
+        ("rule", "network", "new weights"),
+        ("difference", "stop", ""),
+    ]
+    return diagram(boxes, arrows, (7.8, 3.2))
+
+
+def examination(scenario):
+    """Draw the examination (Figure 4)."""
+    source = {"measurement": "z", "estimate": "filter"}[scenario.examination_input]
+    boxes = {
+        "z": (0, 1, "running\nmeasurements"),
+        "filter": (3, 2, "numerical filter\ngoes on"),
+        "network": (5, 0, "taught network"),
+        "compare": (8, 1, "two estimates\nside by side"),
+    }
+    arrows = [
+        ("z", "filter", ""),
+        (source, "network", ""),
+        ("filter", "compare", ""),
+        ("network", "compare", ""),
+    ]
+    return diagram(boxes, arrows, (7.2, 3.2))
+
+
+def algorithm(scenario):
+    """Draw the four stages with their steps (Figure 5)."""
+    first = scenario.examination
+    lines = (
+        f"1  settling\nsteps 0 to {scenario.settle - 1}",
+        f"2  collecting\nsteps {scenario.settle} to {first - 1}",
+        f"3  teaching\nat step {first - 1}",
+        f"4  examination\nsteps {first} to {scenario.steps - 1}",
+        f"re-teaching\nevery {scenario.interval} steps",
+    )
+    boxes = {n: (2.6 * n, 1, text) for n, text in enumerate(lines[:4])}
+    boxes[4] = (2.6 * 2.5, -0.2, lines[4])
+    arrows = [(0, 1, ""), (1, 2, ""), (2, 3, ""), (3, 4, ""), (4, 2, "")]
+    return diagram(boxes, arrows, (8.2, 2.6))
+
+
+def examples(done, names, run=0):
+    """Draw one run of every course, both components (Figure 6)."""
+    fig, axes = plt.subplots(len(done), 2, figsize=(8.4, 2.1 * len(done)), sharex=True)
+    colors = ("0072b2", "d55e00", "009e73", "cc79a7")
+    for row, (course, result) in zip(axes, done.items(), strict=True):
+        time = STEP * np.arange(len(result.truth))
+        for k, ax in enumerate(row):
+            ax.plot(time, result.z[run, :, k], ".", color="0.7", markersize=3, label="unfiltered")
+            ax.plot(time, result.truth[:, k], color="black", linestyle="-", label="truth")
+            for name, color in zip(names, colors, strict=False):
+                estimate = result.estimates[name][run, :, k]
+                ax.plot(time, estimate, color=f"#{color}", linewidth=1.1, label=name)
+            ax.set_ylabel(f"{('north', 'east')[k]} (m/s)")
+            ax.set_title(course)
+    for ax in axes[-1]:
+        ax.set_xlabel("time (s)")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    fig.legend(handles, labels, loc="outside lower center", ncols=6)
+    return fig
+
+
+def curves(x, series, xlabel, ylabel, *, log=False, mark=None):
+    """Draw one curve per name with its intervals; series: name -> list of Estimate."""
+    fig, ax = plt.subplots()
+    for n, (name, estimates) in enumerate(series.items()):
+        value = np.array([e.value for e in estimates])
+        below = value - [e.low for e in estimates]
+        above = [e.high for e in estimates] - value
+        ax.errorbar(x, value, (below, above), marker="os^vDP"[n % 6], label=name, capsize=2)
+    if log:
+        ax.set_yscale("log")
+    if mark is not None:
+        ax.axvline(mark, color="0.5", linewidth=1, linestyle=":")
+    ax.set(xlabel=xlabel, ylabel=ylabel)
+    fig.legend(loc="outside upper center", ncols=5)
+    return fig
+
+
+def teaching_errors(history, delta):
+    """Draw the median of the three error readings against the epoch, with Δ."""
+    fig, ax = plt.subplots()
+    epoch = np.arange(1, len(history) + 1)
+    for name, errors in zip(READINGS, np.moveaxis(history, 1, 0), strict=True):
+        ax.plot(epoch, np.nanmedian(errors, axis=1), label=f"{name} error")
+    ax.axhline(delta, color="0.5", linewidth=1, linestyle="-", label=f"Δ = {delta:g}")
+    ax.set(xlabel="epoch", ylabel="error, scaled units", xscale="log", yscale="log")
+    ax.legend()
+    return fig
+
+
+def speed_plane(network, x, t, truth, reach=1.5):
+    """Draw where one network sends the points of the speed plane, with its teacher's cloud.
+
+    `x`, `t`: measurements and teacher's answers (pairs, 2); `truth` (2,), all in m/s.
+    """
+    fig, ax = plt.subplots(figsize=(5.4, 5.0))
+    axis = np.linspace(-reach, reach, 9)
+    north, east = np.meshgrid(truth[0] + axis, truth[1] + axis)
+    grid = np.stack([north.ravel(), east.ravel()], axis=1)
+    answer = network(grid[:, :, None])[:, :, 0]
+    move = answer - grid
+    for (n0, e0), (dn, de) in zip(grid, move, strict=True):
+        ax.plot([e0, e0 + de], [n0, n0 + dn], color="0.8", linewidth=0.6, linestyle="-")
+    ax.plot(*x.T[::-1], "x", color="#0072b2", label="measurements of the lesson")
+    ax.plot(*t.T[::-1], "o", color="#d55e00", markersize=4, label="teacher's answers")
+    ax.plot(*answer.T[::-1], ".", color="black", markersize=4, label="outputs over the grid")
+    ax.plot(*truth[::-1], "*", color="#009e73", markersize=12, label="truth")
+    ax.set(xlabel="east (m/s)", ylabel="north (m/s)", aspect="equal")
+    ax.legend(loc="upper left")
+    return fig

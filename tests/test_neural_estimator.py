@@ -1,0 +1,268 @@
+"""Paper 2's study: its scenario, its courses, its four stages, its scores."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from seanav import checks, montecarlo
+from seanav.filters import neural
+from seanav.studies import neural_estimator as study
+from seanav.studies import neural_scores as scores
+from seanav.studies import neural_tables as tables
+
+SMALL = study.Scenario(runs=4, hidden=6, max_epochs=20, reteach_epochs=3, steps=70)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        ("hidden", 0, "integer of at least 1"),
+        ("hidden", 2.5, "integer of at least 1"),
+        ("w1", 1.01, "at least 0 and at most 1"),
+        ("w1", -0.1, "at least 0 and at most 1"),
+        ("pairs", 0, "integer of at least 1"),
+        ("delta", 0.0, "above 0"),
+        ("delta", -0.001, "above 0"),
+        ("steps", 40, "must exceed settle . pairs = 40: no examination is left"),
+        ("runs", -1, "integer of at least 2"),
+        ("noise", 0.0, "above 0"),
+        ("speed", 12.0, "below 10"),
+        ("reading", "worst", "one of 'mean square', 'rms', 'max'"),
+        ("innovation", "mine", "one of 'blended', 'printed'"),
+        ("examination_input", "truth", "one of 'measurement', 'estimate'"),
+        ("learner", "adam", "one of 'delta rule', 'MLPRegressor'"),
+        ("hidden_sizes", [], "list of at least one number"),
+        ("weights", [0.0, 2.0], "at most 1"),
+        ("intervals", [0], "integer of at least 1"),
+    ],
+)
+def test_scenario_names_what_is_wrong(name, value, allowed):
+    with pytest.raises(checks.ParameterError, match=allowed) as error:
+        study.Scenario(**{name: value})
+    assert str(error.value).startswith(f"{name} = ")
+    assert "\n" not in str(error.value)
+
+
+def test_courses_have_the_stated_speeds_and_turns():
+    scenario = study.Scenario()
+    heading = {}
+    for name in study.COURSES:
+        v = study.course(scenario, name)
+        heading[name] = np.rad2deg(np.unwrap(np.arctan2(v[:, 1], v[:, 0]))) - 30.0
+        speed = np.hypot(*v.T)
+        slowest = 4.5 if name == "two turns" else 6.0
+        assert speed.min() == pytest.approx(slowest)
+        assert speed.max() == pytest.approx(6.0)
+    assert np.abs(heading["steady"]).max() < 1e-9
+    np.testing.assert_allclose(heading["one turn"][[60, 80, 100, 199]], [0, 30, 60, 60], atol=1e-9)
+    np.testing.assert_allclose(heading["two turns"][[100, 120, 160]], [90, 90, 180], atol=1e-9)
+    straight = heading["turn while teaching"]
+    np.testing.assert_allclose(straight[[20, 39, 40, 199]], [0, 20, 20, 20], atol=1e-9)
+    np.testing.assert_allclose(heading["zigzag"][[15, 30, 45, 60]], [35, 0, -35, 0], atol=1e-9)
+
+
+def test_phases_follow_the_truth():
+    scenario = study.Scenario()
+    masks = study.phases(scenario, study.course(scenario, "one turn"))
+    steps = {name: np.flatnonzero(mask) for name, mask in masks.items()}
+    assert (steps["initial"][0], steps["initial"][-1]) == (1, 19)
+    assert (steps["collecting"][0], steps["collecting"][-1]) == (20, 39)
+    assert (steps["turn"][0], steps["turn"][-1]) == (61, 100)
+    assert steps["before turn"][0] == 40
+    assert steps["after turn"][-1] == 199
+    assert list(study.phases(scenario, study.course(scenario, "turn while teaching")))[3:] == [
+        "steady"
+    ]
+
+
+@pytest.fixture(scope="module")
+def lesson():
+    z = study.measure(SMALL, study.course(SMALL, "one turn"))
+    teacher = study.numerical(SMALL, z)
+    return z, teacher, study.first_teaching(SMALL, z, teacher)
+
+
+@pytest.mark.parametrize("variant", study.VARIANTS)
+def test_examination_looks_at_the_past_only(lesson, variant):
+    z, teacher, taught = lesson
+    other = z.copy()
+    other[:, 60:] += 3.0
+    ours = study.examine(SMALL, z, teacher, taught, variant)
+    theirs = study.examine(SMALL, other, study.numerical(SMALL, other), taught, variant)
+    np.testing.assert_array_equal(ours[:, :60], theirs[:, :60])
+    assert np.abs(ours[:, 60:] - theirs[:, 60:]).max() > 1e-3
+
+
+def test_teaching_knows_its_own_pairs_only(lesson):
+    z, teacher, taught = lesson
+    other, answers = z.copy(), teacher.copy()
+    for values in (other, answers):
+        values[:, :20] += 1.0
+        values[:, 40:] += 1.0
+    again = study.first_teaching(SMALL, other, answers)
+    np.testing.assert_array_equal(again[0].network.hidden, taught[0].network.hidden)
+    answers[:, 39] += 1.0
+    changed = study.first_teaching(SMALL, other, answers)
+    assert (changed[0].network.hidden != taught[0].network.hidden).any()
+
+
+def test_variants_differ_by_their_lessons(lesson):
+    z, teacher, taught = lesson
+    frozen, new, own, _ = (study.examine(SMALL, z, teacher, taught, v) for v in study.VARIANTS)
+    np.testing.assert_array_equal(frozen[:, 40:45], new[:, 40:45])  # taught again at step 44
+    np.testing.assert_array_equal(new[:, 40:45], own[:, 40:45])
+    assert (new[:, 45:] != frozen[:, 45:]).all()
+    assert (own[:, 46:] != new[:, 46:]).any()
+    np.testing.assert_array_equal(frozen[:, :40], teacher[:, :40])
+    asked = taught[0].network(np.moveaxis(z[:, 50:51], 0, -1))
+    np.testing.assert_array_equal(frozen[:, 50], asked[0].T)
+
+
+@pytest.mark.parametrize("variant", ["re-taught", "self-taught"])
+def test_first_supplement_to_the_education_step_by_step(lesson, variant):
+    z, teacher, taught = lesson
+    frozen = study.examine(SMALL, z, teacher, taught)
+    x, t = (np.moveaxis(v[:, 25:45], 0, -1) for v in (z, teacher))
+    t = t.copy()
+    if variant == "self-taught":
+        t[15:] = np.moveaxis(frozen[:, 40:45], 0, -1)
+    after = neural.teach(taught[0].network, x, t, max_epochs=3).network
+    expected = np.moveaxis(after(np.moveaxis(z[:, 45:50], 0, -1)), -1, 0)
+    ours = study.examine(SMALL, z, teacher, taught, variant)
+    np.testing.assert_array_equal(ours[:, 45:50], expected)
+
+
+def test_hybrid_is_the_network_while_steady_and_the_teacher_in_a_sharp_turn(lesson):
+    scenario = replace(SMALL, noise=0.05)
+    truth = study.course(scenario, "steady").copy()
+    truth[50:] += 4.0
+    z = study.measure(scenario, truth)
+    teacher = study.numerical(scenario, z)
+    taught = study.first_teaching(scenario, z, teacher)
+    hybrid = study.examine(scenario, z, teacher, taught, "hybrid")
+    own = study.examine(scenario, z, teacher, taught, "self-taught")
+    np.testing.assert_array_equal(hybrid[:, 50:55], teacher[:, 50:55])
+    assert (hybrid[:, 40] == own[:, 40]).mean() > 0.5
+    assert (hybrid[:, 40] == teacher[:, 40]).mean() < 0.5
+
+
+def test_results_do_not_depend_on_threads_nor_on_the_number_of_runs(monkeypatch):
+    many, few = replace(SMALL, runs=40), replace(SMALL, runs=33)
+    results = []
+    for scenario, threads in ((many, "1"), (many, "2"), (few, "2")):
+        monkeypatch.setenv("SEANAV_THREADS", threads)
+        z = study.measure(scenario, study.course(scenario, "zigzag"))
+        teacher = study.numerical(scenario, z)
+        taught = study.first_teaching(scenario, z, teacher)
+        results.append(study.examine(scenario, z, teacher, taught, "re-taught"))
+    np.testing.assert_array_equal(results[0], results[1])
+    np.testing.assert_array_equal(results[0][:33], results[2])
+
+
+def test_trivial_baselines():
+    truth = study.course(SMALL, "steady")
+    z = study.measure(SMALL, truth)
+    teacher = study.numerical(SMALL, z)
+    plain = study.baselines(SMALL, z, teacher, 0.001)
+    np.testing.assert_allclose(plain["constant"][2, 55], teacher[2, 20:40].mean(axis=0))
+    np.testing.assert_allclose(plain["20-point average"][:, 45], z[:, 26:46].mean(axis=1))
+    np.testing.assert_allclose(plain["20-point average"][:, 4], z[:, :5].mean(axis=1))
+
+
+def test_courses_with_one_lesson_share_their_networks():
+    measured = {n: study.measure(SMALL, study.course(SMALL, n)) for n in study.COURSES}
+    teachers = {n: study.numerical(SMALL, z) for n, z in measured.items()}
+    taught = study.teach_courses(SMALL, measured, teachers)
+    assert taught["steady"] is taught["one turn"]
+    assert taught["steady"] is not taught["zigzag"]
+
+
+def test_scikit_learns_network_finds_the_same_constant():
+    scenario = replace(SMALL, hidden=10, max_epochs=150)
+    z = study.measure(scenario, study.course(scenario, "steady"))
+    teacher = study.numerical(scenario, z)
+    other = study.scikit_learn(scenario, z, teacher)
+    by_parameter = replace(scenario, learner="MLPRegressor")
+    np.testing.assert_array_equal(study.examine(by_parameter, z, teacher, []), other)
+    mean = teacher[:, 20:40].mean(axis=1, keepdims=True)
+    # Its best answer is a little better than the mean of the lesson, and near it.
+    assert np.abs(other[:, 40:].mean(axis=1) - mean[:, 0]).max() < 0.15
+
+
+# ---------------------------------------------------------------- scores
+
+
+def test_log_ratio_of_paired_errors_is_exact_for_a_constant_factor():
+    a = 1.0 + montecarlo.normals(1, "a", 50, (1,))[:, 0] ** 2
+    ratio = scores.log_ratio(a, 4.0 * a)
+    assert ratio.value == pytest.approx(-np.log(2.0))
+    assert ratio.se < 1e-15
+
+
+def test_a_tie_is_not_won():
+    assert scores.won(np.array([1.0, 2.0, 3.0]), np.array([1.0, 3.0, 2.0])).value == 1 / 3
+
+
+def test_share_of_the_weights_between_nothing_and_everything():
+    data, one, two = montecarlo.normals(2, "x", 3, (4000,))
+    assert scores.weights_share(data, data).value == 0.0
+    everything = scores.weights_share(one, two)
+    assert everything.low < 1.0 < everything.high
+    quarter = scores.weights_share(np.sqrt(3) * data + one, np.sqrt(3) * data + two)
+    assert quarter.low < 0.25 < quarter.high
+
+
+def test_break_even_of_known_curves():
+    rng = montecarlo.streams(5, "x", 1)[0]
+    ones = 1 + 0.1 * rng.standard_normal((2, 400))
+    rates = (0.0, 1.0, 2.0)
+    a = [ones[0] * np.exp(2 * (rate - 1.25)) for rate in rates]
+    root = scores.break_even(rates, a, [ones[1]] * 3)
+    assert root.value == pytest.approx(1.25 - np.log(ones[0].mean() / ones[1].mean()) / 2)
+    assert root.se == pytest.approx(0.1 * np.sqrt(2) / 2 / 20, rel=0.1)
+    assert scores.break_even(rates, a, [100 * ones[1]] * 3) is None
+
+
+def test_what_equals_the_default_is_not_run_again():
+    scenario = replace(SMALL, steps=50)
+    done = tables.courses(scenario)
+    name = ("one turn",)
+    known = tables.vary(scenario, done, name, "re-taught")["one turn"]
+    again = tables.vary(scenario, {"one turn": done["one turn"]}, name, "re-taught", interval=3)
+    np.testing.assert_array_equal(known[0], done["one turn"].squared("re-taught"))
+    np.testing.assert_array_equal(known[1], again["one turn"][1])
+    assert (known[0] != again["one turn"][0]).all()
+    anew = tables.vary(scenario, done, name, learner="delta rule", weights="weights")["one turn"]
+    np.testing.assert_array_equal(anew[0], done["one turn"].squared("frozen"))
+    other = tables.vary(scenario, done, name, weights="other weights")["one turn"]
+    assert (anew[0] != other[0]).all()
+    bigger = tables.vary(scenario, done, name, hidden=7)["one turn"]
+    assert (anew[0] != bigger[0]).all()
+    np.testing.assert_array_equal(anew[1], bigger[1])
+
+
+def test_stops_count_runs_and_epochs():
+    history = np.full((3, 3, 2), 1.0)
+    history[1:, 0, 0] = 1e-4
+    rows = tables.stops(history, 1e-3)
+    assert rows[0][0].value == 0.5
+    assert rows[0][1] == 2.0
+    assert rows[1][0].value == 0.0
+    assert rows[1][1] is None
+
+
+def test_slope_is_the_derivative_of_the_network(lesson):
+    network = lesson[2][0].network
+    centre = np.full((2, 4), 3.0)
+    fine = tables.slope(network, centre, step=1e-4)
+    np.testing.assert_allclose(tables.slope(network, centre), fine, rtol=2e-2, atol=1e-4)
+    moved = network((centre + np.array([[1e-3], [0.0]]))[None]) - network(centre[None])
+    np.testing.assert_allclose(moved[0] / 1e-3, fine[:, 0], rtol=1e-2, atol=1e-5)
+
+
+def test_operations_grow_with_the_hidden_layer():
+    small, large = (scores.operations(H, 20, 500, 160) for H in (20, 200))
+    assert small["network"] < large["network"]
+    assert small["Kalman filter, matrices"] == large["Kalman filter, matrices"]
+    assert small["network, teaching included"] > 10 * small["network"]
