@@ -62,7 +62,7 @@ notebooks: $(STAMPS) ## refresh the stored outputs of the notebooks from their f
 	@$(SEANAV) store $(if $(PAPER),--paper $(PAPER))
 
 test: $(ENVIRONMENT) ## all tests, then every notebook against its stored outputs and results
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 	rm -rf build/nbval
 ifneq ($(PAPERS),)
 	SEANAV_RESULTS=$(CURDIR)/build/nbval $(BIN)/python -m pytest -p no:cacheprovider --nbval --nbval-cell-timeout=1800 notebooks
