@@ -65,7 +65,7 @@ class Scenario:
     map_noise: tuple = (0.5, 1.0, 2.0, 4.0)
     map_interval: tuple = (0.25, 0.5, 1.0, 2.0)
     map_R: float = 0.01
-    seed: int = 1
+    seed: int = 2021
 
     def __post_init__(self):
         integer, number = checks.integer, checks.number
