@@ -296,7 +296,10 @@ def test_own_three_state_equation_as_text_or_sympy():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("x", ["sin(x)"], [1]), r"drift\[0\] = 'sin\(x\)': must be a polynomial in the states, or"),
+        (
+            ("x", ["sin(x)"], [1]),
+            r"drift\[0\] = 'sin\(x\)': must be a polynomial in the states, or",
+        ),
         (("x", ["1/x"], [1]), r"drift\[0\].*must be a polynomial"),
         (("x y", ["x*y*Abs(x)", "y"], [1, 1]), r"drift\[0\].*terms c\*x\*Abs\(x\)"),
         (("x", ["sqrt(x)"], [1]), r"drift\[0\].*must be a polynomial"),

@@ -91,7 +91,9 @@ def _body(outputs, names, indent):
     shared, reduced = sp.cse(expressions, symbols=temporaries, order="canonical")
     printer = _Printer({"fully_qualified_modules": False})
     lines = [f"{name} = {printer.doprint(e)}" for name, e in shared]
-    lines += [f"{target} = {printer.doprint(e)}" for target, e in zip(targets, reduced, strict=True)]
+    lines += [
+        f"{target} = {printer.doprint(e)}" for target, e in zip(targets, reduced, strict=True)
+    ]
     return "".join(" " * indent + line + "\n" for line in lines)
 
 
@@ -253,7 +255,9 @@ def measurement_source(measurement: Measurement) -> str:
     model, n, k = measurement.model, len(measurement.model.states), len(measurement.predicted)
     outputs = {f"predicted[run, {a}]": e for a, e in enumerate(measurement.predicted)}
     outputs |= {f"H[run, {a}, {i}]": measurement.H[a, i] for a in range(k) for i in range(n)}
-    outputs |= {f"spread[run, {a}, {b}]": measurement.spread[a, b] for a in range(k) for b in range(k)}
+    outputs |= {
+        f"spread[run, {a}, {b}]": measurement.spread[a, b] for a in range(k) for b in range(k)
+    }
     used = set().union(*(sp.sympify(e).free_symbols for e in outputs.values()))
     m, p = _renamed(model.mean, "m"), _renamed(model.parameters, "p")
     u = _renamed(model.inputs, "u")

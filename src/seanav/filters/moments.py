@@ -108,7 +108,9 @@ def _expression(name, text, known):
     unknown = sorted(s.name for s in value.free_symbols - set(known))
     if unknown:
         allowed = ", ".join(x.name for x in known)
-        raise ParameterError(name, str(text), f"must not use {', '.join(unknown)}; known: {allowed}")
+        raise ParameterError(
+            name, str(text), f"must not use {', '.join(unknown)}; known: {allowed}"
+        )
     return value
 
 
@@ -139,7 +141,9 @@ def system(states, drift, diffusion, inputs="", parameters="") -> System:
         raise ParameterError("states", [x.name for x in known], "must be different names")
     drift = list(drift) if not isinstance(drift, str) else [drift]
     if len(drift) != n:
-        raise ParameterError("drift", list(map(str, drift)), f"must have {n} entries, one per state")
+        raise ParameterError(
+            "drift", list(map(str, drift)), f"must have {n} entries, one per state"
+        )
     rows = diffusion.tolist() if isinstance(diffusion, sp.MatrixBase) else list(diffusion)
     if not any(isinstance(row, (list, tuple)) for row in rows):
         rows = [[rows[i] if i == j else 0 for j in range(len(rows))] for i in range(len(rows))]
@@ -267,9 +271,7 @@ def expectation(model: System, expression, moment=central_moment):
         ``moment(model, indices)`` gives each central moment. Default: exact symbols.
     """
     offsets = [sp.Dummy() for _ in model.states]
-    shift = {
-        x: m + e for x, m, e in zip(model.states, model.mean, offsets, strict=True)
-    }
+    shift = {x: m + e for x, m, e in zip(model.states, model.mean, offsets, strict=True)}
     polynomial = sp.Poly(sp.expand(expression.xreplace(shift)), *offsets)
     total = []
     for powers, coefficient in polynomial.terms():

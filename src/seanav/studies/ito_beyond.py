@@ -62,7 +62,7 @@ def sensitivity(scenario, vehicle, variances, factors) -> np.ndarray:
 def planar():
     """Return an isotropic body in the plane with linear drag, r an Ornstein–Uhlenbeck process."""
     drift = ["v*r - d*u", "-u*r - d*v", "-k*r"]
-    return moments.system("u v r", drift, [0, 0, "g"], parameters="d k g")
+    return moments.system("u v r", drift, [["0"], ["0"], ["g"]], parameters="d k g")
 
 
 def planar_exact(z0, r0, variance, d, k, g, times):
@@ -185,7 +185,7 @@ def fokker_planck(drift, spread, mean, P, duration, half_widths, nodes=121, step
     return Density(*axes, p.reshape(nodes, nodes))
 
 
-def sway_yaw_reference(noise, duration, mean, P, u0=1.0):
+def sway_yaw_reference(noise, duration, mean, P, u0=1.0, half_widths=(1.8, 3.6)):
     """Return {name: (mean, P)} of closures and the Fokker–Planck solution, and the density."""
     parameters = sway_yaw_parameters(u0, noise)
     u0, m1, m2, j3, a2, a6, c2, c6, _, _, t2, t6 = parameters
@@ -194,7 +194,7 @@ def sway_yaw_reference(noise, duration, mean, P, u0=1.0):
         sway = (-m1 * u0 * r + t2 - a2 * v - c2 * v**3) / m2
         return sway, ((m1 - m2) * u0 * v + t6 - a6 * r - c6 * r**3) / j3
 
-    density = fokker_planck(drift, np.square(noise), mean, P, duration, (1.8, 3.6))
+    density = fokker_planck(drift, np.square(noise), mean, P, duration, half_widths)
     out = {"Fokker–Planck": density.moments()[:2]}
     for closure in moments.CLOSURES:
         m, C = np.array([mean], dtype=float), np.array([P], dtype=float)
