@@ -146,7 +146,7 @@ def test_systematic_resampling_copies_in_proportion():
 
 def test_noise_that_is_no_covariance_is_refused():
     for R in ([[1.0, 2.0], [0.0, 1.0]], [[1.0, 2.0], [2.0, 1.0]], [[0.0]], [1.0]):
-        with pytest.raises(ParameterError, match="R = .*must be (a symmetric|positive)"):
+        with pytest.raises(ParameterError, match=r"R = .*must be (a symmetric|positive)"):
             continuous_discrete.checked_noise(R)
 
 
@@ -302,6 +302,15 @@ def test_scores_are_what_they_say():
     ratio = study.root_ratio(twice.squared[:, 0], score.squared[:, 0])
     assert ratio.value == pytest.approx(2.0)
     np.testing.assert_allclose(study.total(twice, score), 4.0)
+
+
+def test_interval_of_a_ratio_agrees_with_the_jackknife():
+    rng = np.random.default_rng(12)
+    a = rng.gamma(2.0, size=200)
+    b = a + rng.gamma(1.0, size=200)
+    left_out = [np.sqrt(np.delete(a, r).mean() / np.delete(b, r).mean()) for r in range(200)]
+    jackknife = np.sqrt(199 * np.var(left_out))
+    assert study.root_ratio(a, b).se == pytest.approx(jackknife, rel=0.02)
 
 
 def test_threads_and_number_of_runs_change_nothing(monkeypatch):

@@ -69,7 +69,6 @@ def test_forward_operator_is_the_adjoint_of_the_backward_one():
     x = VAN_DER_POL.states
     bump = sp.exp(-(x[0] ** 2) - x[1] ** 2)
     phi, p = x[0] ** 2 * x[1] + x[1] ** 2, (1 + x[0] * x[1] + x[0]) * bump
-    mu, s = VAN_DER_POL.parameters
     left = sp.expand(moments.backward(VAN_DER_POL, phi) * p / bump)
     right = sp.expand(sp.expand(moments.forward(VAN_DER_POL, p)) / bump * phi)
 
@@ -328,7 +327,7 @@ def test_unknown_closure_and_open_moments_are_refused():
 def test_wrong_shapes_are_refused():
     propagate = generated.Propagator(moments.close(VAN_DER_POL, "gaussian"))
     mean, P = np.zeros((2, 2)), np.tile(np.eye(2), (2, 1, 1))
-    with pytest.raises(ParameterError, match="parameters = .*one number each: mu, s"):
+    with pytest.raises(ParameterError, match=r"parameters = .*one number each: mu, s"):
         propagate(mean, P, 1.0, 0.1, None, [1.0])
     with pytest.raises(ParameterError, match=r"states = .*shape \(runs, 2\)"):
         propagate(np.zeros((2, 3)), P, 1.0, 0.1, None, [1.0, 1.0])

@@ -257,7 +257,7 @@ def particle_filter(
             weights /= weights.sum()
             means[r, k + 1] = np.einsum("p,pi->i", weights, x)
             offset = x - means[r, k + 1]
-            Ps[r, k + 1] = np.einsum("p,pi,pj->ij", weights, offset, offset)
+            Ps[r, k + 1] = np.einsum("pi,pj->ij", weights[:, None] * offset, offset)
             sizes[r, k + 1] = 1.0 / (weights**2).sum()
             x = x[systematic(weights, generator.random())]
     return Track(means, Ps, sizes)

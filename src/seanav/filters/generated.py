@@ -61,7 +61,7 @@ class _Printer(PythonCodePrinter):
         return f"abs({self._print(expr.args[0])})"
 
     def _print_Sign(self, expr):
-        return "np.sign({})".format(self._print(expr.args[0]))
+        return f"np.sign({self._print(expr.args[0])})"
 
 
 def _module(source):

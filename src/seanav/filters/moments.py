@@ -9,7 +9,7 @@ the same expressions, so the equation that is printed is the function that runs.
 """
 
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache
 
 import sympy as sp
 
@@ -224,7 +224,7 @@ def characteristic(model: System):
 # ---------------------------------------------------------------- moments
 
 
-@lru_cache(maxsize=None)
+@cache
 def pairings(indices):
     """Return all ways to pair up `indices`, a tuple of tuples of pairs (Isserlis)."""
     if not indices:
@@ -239,7 +239,7 @@ def pairings(indices):
     )
 
 
-@lru_cache(maxsize=None)
+@cache
 def isserlis(indices, P):
     """Return the central moment ⟨e_i e_j …⟩ of a Gaussian with covariance matrix `P`.
 

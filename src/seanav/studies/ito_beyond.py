@@ -1,7 +1,7 @@
 """Paper 1, beyond the paper: where second-order terms matter, and what the closure misses."""
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from scipy import sparse
@@ -58,7 +58,7 @@ def sensitivity(scenario, vehicle, variances, factors) -> np.ndarray:
 # ---------------------------------------------------------------- planar closed form
 
 
-@lru_cache(maxsize=None)
+@cache
 def planar():
     """Return an isotropic body in the plane with linear drag, r an Ornstein–Uhlenbeck process."""
     drift = ["v*r - d*u", "-u*r - d*v", "-k*r"]
@@ -95,7 +95,7 @@ def planar_closure(closure, z0, r0, variance, d, k, g, times):
 # ---------------------------------------------------------------- Fokker–Planck reference
 
 
-@lru_cache(maxsize=None)
+@cache
 def sway_yaw():
     """Return sway and yaw of the body at a held surge speed u0: two states, cubic drag.
 

@@ -6,7 +6,7 @@ scores. What goes beyond the paper is in `seanav.studies.ito_beyond`.
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -61,7 +61,7 @@ class Scenario:
     filter_step: float = 0.05
     runs: int = 150
     particles: int = 500
-    particle_runs: int = 20
+    particle_runs: int = 12
     map_noise: tuple = (0.5, 1.0, 2.0, 4.0)
     map_interval: tuple = (0.25, 0.5, 1.0, 2.0)
     map_R: float = 0.01
@@ -131,20 +131,20 @@ class Scenario:
 # ---------------------------------------------------------------- symbols, compiled once
 
 
-@lru_cache(maxsize=None)
+@cache
 def body():
     """Return the six-state equation in symbols, of both vehicles."""
     drift, diffusion, names = bodies.equations()
     return moments.system(bodies.STATES, drift, diffusion, bodies.INPUTS, names)
 
 
-@lru_cache(maxsize=None)
+@cache
 def propagator(closure):
     """Return the compiled moment equations of a closure."""
     return generated.Propagator(moments.close(body(), closure))
 
 
-@lru_cache(maxsize=None)
+@cache
 def simulator():
     """Return the compiled equation itself."""
     return generated.Simulator(body())
