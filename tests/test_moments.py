@@ -1,6 +1,7 @@
 """Moment equations: symbols against each other, numbers against independent references."""
 
 import itertools
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -315,6 +316,14 @@ def test_unusable_equation_is_one_clear_line(arguments, message):
     with pytest.raises(ParameterError, match=message) as caught:
         moments.system(*arguments)
     assert "\n" not in str(caught.value)
+
+
+def test_threads_share_one_finished_module():
+    # The sleep stands for a long import: nobody may see the module before `value` is there.
+    source = "import time\n\ntime.sleep(0.2)\nvalue = 7\n"
+    with ThreadPoolExecutor(4) as pool:
+        values = list(pool.map(lambda _: generated._module(source).value, range(4)))
+    assert values == [7] * 4
 
 
 def test_unknown_closure_and_open_moments_are_refused():

@@ -11,6 +11,7 @@ import importlib.util
 import os
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 import numba
@@ -67,8 +68,16 @@ class _Printer(PythonCodePrinter):
 def _module(source):
     """Import generated `source` from the cache folder; the same text is written once."""
     name = "generated_" + hashlib.sha256(source.encode()).hexdigest()[:20]
-    if name in sys.modules:
-        return sys.modules[name]
+    with _IMPORTING:  # a thread must not meet a module that another one is still running
+        if name not in _MODULES:
+            _MODULES[name] = _imported(name, source)
+        return _MODULES[name]
+
+
+_IMPORTING, _MODULES = threading.Lock(), {}
+
+
+def _imported(name, source):
     folder = Path(numba.config.CACHE_DIR or tempfile.mkdtemp(prefix="seanav")) / "generated"
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.py"
@@ -83,11 +92,11 @@ def _module(source):
     return module
 
 
-def _body(outputs, names, indent):
+def _body(outputs, names, indent, letter="t_"):
     """Return lines that compute `outputs`, {target text: expression}, sharing subterms."""
     targets, expressions = list(outputs), [sp.sympify(e) for e in outputs.values()]
     expressions = [e.xreplace(names) for e in expressions]
-    temporaries = sp.numbered_symbols("t_", real=True)
+    temporaries = sp.numbered_symbols(letter, real=True)
     shared, reduced = sp.cse(expressions, symbols=temporaries, order="canonical")
     printer = _Printer({"fully_qualified_modules": False})
     lines = [f"{name} = {printer.doprint(e)}" for name, e in shared]
@@ -111,12 +120,48 @@ def _loads(renamed, source, used, indent):
     return "".join(" " * indent + line + "\n" for line in lines)
 
 
-def _collected(expression, symbols):
-    # Coefficients of P, such as the entries of ⟨f_x⟩, are shared between equations: written
-    # as such, the common terms are found.
-    if not expression.is_polynomial(*symbols):
+def _hoisted(expression, varying, constants):
+    """Return `expression` with each term's constant factors as one symbol of `constants`.
+
+    They are the same for all runs: products and, above all, divisions of masses are done
+    once and not per run. `constants` {product: symbol} grows.
+    """
+    if not expression.is_polynomial(*varying):
         return expression
-    return sp.collect(expression, symbols)
+    terms = []
+    for term in sp.Add.make_args(sp.expand(expression)):
+        fixed, moving = term.as_independent(*varying, as_Add=False)
+        number, fixed = fixed.as_coeff_Mul()
+        if fixed != 1:
+            fixed = constants.setdefault(fixed, sp.Symbol(f"c_{len(constants)}", real=True))
+        terms.append(number * fixed * moving)
+    return sp.Add(*terms)
+
+
+def _collected(rates, covariance):
+    """Return (rates, shared): coefficients of P, such as the entries of ⟨f_x⟩, as symbols.
+
+    They appear in many equations; `shared` is {symbol: coefficient}.
+    """
+    shared, out = {}, []
+    for rate in rates:
+        if not rate.is_polynomial(*covariance):
+            out.append(rate)
+            continue
+        terms = []
+        for powers, coefficient in sp.Poly(rate, *covariance).terms():
+            monomial = sp.Mul(*(x**k for x, k in zip(covariance, powers, strict=True)))
+            if monomial != 1:
+                # 2a and a, a and -a are one number.
+                number, coefficient = coefficient.as_content_primitive()
+                if coefficient.could_extract_minus_sign():
+                    number, coefficient = -number, -coefficient
+                coefficient = sp.expand(coefficient)
+                fresh = sp.Symbol(f"a_{len(shared)}", real=True)
+                coefficient = number * shared.setdefault(coefficient, fresh)
+            terms.append(coefficient * monomial)
+        out.append(sp.Add(*terms))
+    return out, {symbol: coefficient for coefficient, symbol in shared.items()}
 
 
 def triangle(n):
@@ -129,8 +174,7 @@ _PROPAGATE = '''
 def propagate(mean, P, inputs, parameters, step):
     """Advance `mean` (runs, n) and `P` (runs, n, n) in place, classical Runge-Kutta."""
     runs, n = mean.shape
-    y, z = np.empty({size}), np.empty({size})
-    slope, total = np.empty({size}), np.empty({size})
+    work, y, total = np.zeros({twice}), np.empty({size}), np.empty({size})
     for first in range(0, runs, {lanes}):
         for lane in range({lanes}):
             run = min(first + lane, runs - 1)
@@ -141,20 +185,23 @@ def propagate(mean, P, inputs, parameters, step):
                     y[{lanes} * k + lane] = P[run, i, j]
                     k += 1
         for t in range(inputs.shape[0] // 2):
-            rate(y, inputs[2 * t], parameters, total)
             for k in range({size}):
-                z[k] = y[k] + 0.5 * step * total[k]
-            rate(z, inputs[2 * t + 1], parameters, slope)
+                work[k] = y[k]
+            rate(work, inputs[2 * t], parameters)
             for k in range({size}):
-                total[k] += 2.0 * slope[k]
-                z[k] = y[k] + 0.5 * step * slope[k]
-            rate(z, inputs[2 * t + 1], parameters, slope)
+                total[k] = work[{size} + k]
+                work[k] = y[k] + 0.5 * step * work[{size} + k]
+            rate(work, inputs[2 * t + 1], parameters)
             for k in range({size}):
-                total[k] += 2.0 * slope[k]
-                z[k] = y[k] + step * slope[k]
-            rate(z, inputs[2 * t + 2], parameters, slope)
+                total[k] += 2.0 * work[{size} + k]
+                work[k] = y[k] + 0.5 * step * work[{size} + k]
+            rate(work, inputs[2 * t + 1], parameters)
             for k in range({size}):
-                y[k] += step / 6.0 * (total[k] + slope[k])
+                total[k] += 2.0 * work[{size} + k]
+                work[k] = y[k] + step * work[{size} + k]
+            rate(work, inputs[2 * t + 2], parameters)
+            for k in range({size}):
+                y[k] += step / 6.0 * (total[k] + work[{size} + k])
         for lane in range(min({lanes}, runs - first)):
             k = n
             for i in range(n):
@@ -168,15 +215,15 @@ def propagate(mean, P, inputs, parameters, step):
 def rates(mean, P, inputs, parameters):
     """Right-hand side for one mean (n,) and covariance (n, n): packed, (n + n(n+1)/2,)."""
     n = mean.shape[0]
-    y, dy = np.zeros({size}), np.zeros({size})
+    work = np.zeros({twice})
     k = n
     for i in range(n):
-        y[{lanes} * i : {lanes} * (i + 1)] = mean[i]
+        work[{lanes} * i : {lanes} * (i + 1)] = mean[i]
         for j in range(i, n):
-            y[{lanes} * k : {lanes} * (k + 1)] = P[i, j]
+            work[{lanes} * k : {lanes} * (k + 1)] = P[i, j]
             k += 1
-    rate(y, inputs, parameters, dy)
-    return dy[::{lanes}].copy()
+    rate(work, inputs, parameters)
+    return work[{size} :: {lanes}].copy()
 '''
 
 
@@ -191,20 +238,27 @@ def propagator_source(moments: Moments) -> str:
     if loose:
         names = ", ".join(sorted(map(str, loose)))
         raise ParameterError("closure", moments.closure, f"must not leave {names} open")
-    rates = [_collected(rate, packed[n:]) for rate in rates]
     y, p, u = (
         _renamed(packed, "y"),
         _renamed(model.parameters, "p"),
         _renamed(model.inputs, "u"),
     )
-    outputs = {f"dy[{LANES * k} + lane]": rate for k, rate in enumerate(rates)}
-    text = HEADER + "\n@kernel\ndef rate(y, inputs, parameters, dy):\n"
+    constants = {}
+    rates = [_hoisted(rate, packed, constants) for rate in rates]
+    rates, shared = _collected(rates, packed[n:])
+    # State and rate share one array: at known distances the compiler sees that a lane's
+    # rate never is another lane's state, and vectorises.
+    size = LANES * len(packed)
+    outputs = {f"work[{size + LANES * k} + lane]": rate for k, rate in enumerate(rates)}
+    text = HEADER + "\n@kernel\ndef rate(work, inputs, parameters):\n"
     text += _loads(p, "parameters[{}]", used, 4) + _loads(u, "inputs[{}]", used, 4)
+    text += _body({symbol.name: product for product, symbol in constants.items()}, p | u, 4, "h_")
     text += f"    for lane in range({LANES}):\n"
-    loads = [f"{y[s]} = y[{LANES * k} + lane]" for k, s in enumerate(packed) if s in used]
+    loads = [f"{y[s]} = work[{LANES * k} + lane]" for k, s in enumerate(packed) if s in used]
     text += "".join(f"        {line}\n" for line in loads)
-    text += _body(outputs, y | p | u, 8)
-    return text + "\n" + _PROPAGATE.format(size=LANES * len(packed), lanes=LANES)
+    entries = {symbol.name: coefficient for symbol, coefficient in shared.items()}
+    text += _body(entries, y | p | u, 8, "s_") + _body(outputs, y | p | u, 8)
+    return text + "\n" + _PROPAGATE.format(size=size, twice=2 * size, lanes=LANES)
 
 
 _SIMULATE = '''

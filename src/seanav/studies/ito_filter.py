@@ -186,11 +186,12 @@ def simulate(scenario, vehicle, noise=None, keep=None, mission=None) -> Truth:
     first = montecarlo.normals(scenario.seed, f"{vehicle} start", scenario.runs, (6,))
     starts = x0 + first @ np.sqrt(P0)
     generators = montecarlo.streams(scenario.seed, f"{vehicle} process", scenario.runs)
+    move = simulator()
 
     def batch(chosen):
         normal = np.array([generators[r].standard_normal((steps, 6)) for r in chosen])
         every = round(keep / step)
-        return simulator()(starts[chosen], normal, step, forces, parameters, every)
+        return move(starts[chosen], normal, step, forces, parameters, every)
 
     tracks = montecarlo.parallel_map(batch, batches(scenario.runs), label=f"{vehicle}, truth")
     x = np.concatenate(tracks)
@@ -238,14 +239,14 @@ def particles(scenario, truth, case):
     """Run the bootstrap particle filter on the first runs; a `continuous_discrete.Track`."""
     z = measure(scenario, truth, case)
     x0, P0 = scenario.prior(truth.vehicle)
-    forces = bodies.BODIES[truth.vehicle].forces
+    forces, move = bodies.BODIES[truth.vehicle].forces, simulator()
     generators = montecarlo.streams(
         scenario.seed, f"{truth.vehicle} particles", scenario.particle_runs
     )
 
     def one(r):
         return continuous_discrete.particle_filter(
-            simulator(), x0, P0, z[r : r + 1], truth.times[1], 2 * scenario.torpedo_step,
+            move, x0, P0, z[r : r + 1], truth.times[1], 2 * scenario.torpedo_step,
             case.R * np.eye(3), case.H, generators[r : r + 1], scenario.particles, forces,
             truth.parameters,
         )  # fmt: skip
