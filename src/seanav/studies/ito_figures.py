@@ -1,0 +1,126 @@
+"""The drawings of paper 1; each function returns a matplotlib figure and computes nothing new."""
+
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.patches import Ellipse
+
+from seanav.studies.ito_filter import COMPONENTS, UNITS, VEHICLES
+
+TRUE = {"color": "black", "linestyle": ":", "linewidth": 1.3}
+FILTERED = {"color": "#0072b2", "linestyle": "-", "linewidth": 1.3}
+STYLES = {
+    "gaussian": {"color": "#0072b2", "linestyle": "-"},
+    "second order": {"color": "#009e73", "linestyle": "-."},
+    "ekf": {"color": "#d55e00", "linestyle": "--"},
+    "exact": {"color": "black", "linestyle": ":"},
+    "Fokker–Planck": {"color": "black", "linestyle": ":"},
+}
+
+
+def _trajectory(ax, result, i, run, legend=True):
+    times, x = result.truth.times, result.truth.x[run, :, i]
+    mean, sd = result.track.mean[run, :, i], np.sqrt(result.track.P[run, :, i, i])
+    ax.fill_between(times, mean - 2 * sd, mean + 2 * sd, color="0.85", label="± 2 own sd")
+    ax.plot(times, mean, label="filtered", **FILTERED)
+    ax.plot(times, x, label="true", **TRUE)
+    ax.set(xlabel="time (s)", ylabel=f"{COMPONENTS[i]} ({UNITS[i]})", xlim=(0, times[-1]))
+    if legend:
+        ax.legend(ncols=3, loc="best")
+
+
+def component(result, i, run=0):
+    """Draw one component of one run: true dotted, filtered solid, as in the paper."""
+    fig, ax = plt.subplots(figsize=(5.6, 2.8))
+    _trajectory(ax, result, i, run)
+    return fig
+
+
+def overview(result, run=0):
+    """Draw all six components of one run."""
+    fig, axes = plt.subplots(2, 3, figsize=(9.0, 4.6), sharex=True)
+    for i, ax in enumerate(axes.flat):
+        _trajectory(ax, result, i, run, legend=i == 0)
+    for ax in axes[0]:
+        ax.set_xlabel("")
+    return fig
+
+
+def second_order_map(maps):
+    """Draw error of the second-order filter over the EKF's, by noise and interval."""
+    fig, axes = plt.subplots(1, len(maps), figsize=(8.4, 3.6))
+    lowest = min(row[2].value for rows in maps.values() for row in rows)
+    for ax, (vehicle, rows) in zip(axes, maps.items(), strict=True):
+        factors, intervals = (sorted({row[k] for row in rows}) for k in (0, 1))
+        values = np.array([row[2].value for row in rows]).reshape(len(factors), -1)
+        shade = ax.imshow(values, origin="lower", vmin=lowest, vmax=1.0, aspect="auto")
+        for index, (_, _, gain) in enumerate(rows):
+            a, b = divmod(index, len(intervals))
+            mark = "*" if gain.high < 1 else ""
+            dark = gain.value < 0.5 * (1 + lowest)
+            colour = "white" if dark else "black"
+            ax.text(b, a, f"{gain.value:.3f}{mark}", ha="center", va="center", color=colour)
+        ax.set_xticks(range(len(intervals)), [f"{x:g}" for x in intervals])
+        ax.set_yticks(range(len(factors)), [f"{x:g}" for x in factors])
+        ax.set(xlabel="measurement interval (s)", ylabel="noise factor", title=vehicle)
+        ax.grid(False)
+    fig.colorbar(shade, ax=axes, label="RMSE, Gaussian closure / EKF")
+    return fig
+
+
+def nees(results):
+    """Draw the NEES over time of the Gaussian closure and the EKF, all cases."""
+    fig, axes = plt.subplots(2, 3, figsize=(9.0, 4.8), sharex=True, sharey="row")
+    for row, vehicle in zip(axes, VEHICLES, strict=True):
+        for number, ax in zip((1, 2, 3), row, strict=True):
+            result = results[vehicle, number]
+            for name in ("gaussian", "ekf"):
+                values = result.scores[name].nees_by_time
+                ax.plot(result.truth.times[1:], values, label=name, linewidth=1, **STYLES[name])
+            ax.axhline(6, color="black", linewidth=0.8, linestyle=":")
+            ax.set(title=f"{vehicle}, case {number}", ylim=(0, None))
+    for ax in axes[1]:
+        ax.set_xlabel("time (s)")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("mean NEES")
+    axes[0, 0].legend()
+    return fig
+
+
+def sensitivity(variances, factors, sds):
+    """Draw the filter's own sd of u and r over R, for several strengths of G."""
+    fig, axes = plt.subplots(1, 2, figsize=(8.0, 3.2))
+    for ax, i in zip(axes, (0, 5), strict=True):
+        for factor, sd, style in zip(factors, sds, ("-", "--", "-."), strict=True):
+            ax.loglog(variances, sd[:, i], linestyle=style, label=f"noise × {factor:g}")
+        ax.set(xlabel="R (m²/s²)", ylabel=f"own sd of {COMPONENTS[i]} ({UNITS[i]})")
+    axes[0].legend()
+    return fig
+
+
+def planar(times, curves):
+    """Draw mean and variance of the planar body: exact and closures, {name: (z, trace)}."""
+    fig, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.4))
+    for name, (z, trace) in curves.items():
+        left.plot(z.real, z.imag, label=name, **STYLES[name])
+        right.plot(times, trace, label=name, **STYLES[name])
+    left.set(xlabel="E u (m/s)", ylabel="E v (m/s)", aspect="equal")
+    right.set(xlabel="time (s)", ylabel="var u + var v (m²/s²)")
+    left.legend()
+    return fig
+
+
+def density(field, summaries):
+    """Draw a density of sway and yaw with the 2-sigma ellipses of closures."""
+    fig, ax = plt.subplots(figsize=(5.6, 4.4))
+    levels = np.linspace(0, field.p.max(), 9)[1:]
+    ax.contourf(field.x, field.y, field.p.T, [0.02 * field.p.max(), *levels], cmap="Greys")
+    for name, (mean, P) in summaries.items():
+        values, vectors = np.linalg.eigh(P)
+        tilt = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
+        width, height = 4 * np.sqrt(values[::-1])
+        ellipse = Ellipse(mean, width, height, angle=tilt, fill=False, linewidth=1.6, label=name)
+        ellipse.set(edgecolor=STYLES[name]["color"], linestyle=STYLES[name]["linestyle"])
+        ax.add_patch(ellipse)
+    ax.set(xlabel="v (m/s)", ylabel="r (rad/s)", xlim=(-1.2, 1.4), ylim=(-3.2, 3.0))
+    ax.legend(loc="upper right")
+    return fig

@@ -1,0 +1,409 @@
+"""Paper 1: filtering an underwater vehicle as an Itô process.
+
+Nonlinear filtering of an autonomous underwater vehicle, *Transactions of the Institute of
+Measurement and Control* (2021). The scenario, the simulated truth, the filters, their
+scores. What goes beyond the paper is in `seanav.studies.ito_beyond`.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from seanav import checks, montecarlo
+from seanav.filters import continuous_discrete, generated, moments
+from seanav.models import bodies
+
+BATCH = 50  # runs per unit of parallel work; fixed, so that results do not depend on threads
+COMPONENTS = bodies.STATES
+UNITS = ("m/s",) * 3 + ("rad/s",) * 3
+VEHICLES = ("torpedo", "sphere")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One measurement set: which components, with what noise variance."""
+
+    number: int
+    measured: tuple
+    R: float
+    words: str
+
+    @property
+    def H(self):
+        """Measurement matrix, (3, 6)."""
+        return np.eye(6)[list(self.measured)]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Everything that can be chosen, checked at once; SI.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        One line that names the parameter, its value and what is allowed.
+    """
+
+    torpedo_start: tuple = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    torpedo_variance: tuple = (0.05, 0.02, 0.02, 0.02, 0.02, 0.02)
+    torpedo_noise: tuple = (0.1, 0.1, 0.1, 0.2, 0.2, 0.2)
+    sphere_start: tuple = (0.3, 0.1, -0.05, 0.05, -0.05, 0.15)
+    sphere_variance: tuple = (0.02,) * 6
+    sphere_noise: tuple = (0.03, 0.03, 0.03, 0.12, 0.12, 0.12)
+    strong_noise: float = 3.0
+    small_R: float = 1e-4
+    large_R: float = 1.0
+    interval: float = 0.5
+    mission: float = 40.0
+    torpedo_step: float = 0.01
+    sphere_step: float = 0.02
+    filter_step: float = 0.05
+    runs: int = 150
+    particles: int = 500
+    particle_runs: int = 12
+    map_noise: tuple = (0.5, 1.0, 2.0, 4.0)
+    map_interval: tuple = (0.25, 0.5, 1.0, 2.0)
+    map_R: float = 0.01
+    seed: int = 2021
+
+    def __post_init__(self):
+        integer, number = checks.integer, checks.number
+        for vehicle in VEHICLES:
+            for part, lowest in (("start", -np.inf), ("variance", 0.0), ("noise", 0.0)):
+                self._numbers(f"{vehicle}_{part}", 6, lowest)
+        for name in ("strong_noise", "small_R", "large_R", "map_R", "interval", "mission"):
+            number(name, getattr(self, name), above=0)
+        number("mission", self.mission, at_least=2 * self.interval)
+        for name in ("torpedo_step", "sphere_step", "filter_step"):
+            number(name, getattr(self, name), above=0, at_most=self.interval)
+        for vehicle in VEHICLES:
+            self._divides(f"{vehicle}_step", "interval", self.interval)
+        self._divides("interval", "mission", self.mission)
+        integer("runs", self.runs, at_least=2)
+        integer("particles", self.particles, at_least=2)
+        integer("particle_runs", self.particle_runs, at_least=2, at_most=self.runs)
+        self._numbers("map_noise", None, 0.0)
+        self._numbers("map_interval", None, 0.0)
+        integer("seed", self.seed, at_least=0)
+
+    def _numbers(self, name, count, above):
+        value = getattr(self, name)
+        wanted = f"must be {count or 'one or more'} numbers"
+        usable = hasattr(value, "__iter__") and not isinstance(value, (str, bytes))
+        if not usable or len(value) == 0 or (count and len(value) != count):
+            raise checks.ParameterError(name, value, wanted)
+        checked = tuple(checks.number(name, entry, above=above) for entry in value)
+        object.__setattr__(self, name, checked)
+
+    def _divides(self, name, whole_name, whole):
+        part = getattr(self, name)
+        if abs(whole / part - round(whole / part)) > 1e-9:
+            raise checks.ParameterError(name, part, f"must divide {whole_name} = {whole:g} evenly")
+
+    def quick(self):
+        """Return the scenario with a tenth of the runs."""
+        return replace(
+            self,
+            runs=max(2, self.runs // 10),
+            particle_runs=max(2, self.particle_runs // 10),
+        )
+
+    @property
+    def cases(self):
+        """The three cases of the paper."""
+        return (
+            Case(1, (0, 1, 2), self.small_R, "linear velocities, small R"),
+            Case(2, (0, 1, 2), self.large_R, "linear velocities, large R"),
+            Case(3, (3, 4, 5), self.large_R, "angular velocities, large R"),
+        )
+
+    def prior(self, vehicle):
+        """Return x0 (6,) and P0 (6, 6)."""
+        start = np.array(getattr(self, f"{vehicle}_start"))
+        return start, np.diag(getattr(self, f"{vehicle}_variance"))
+
+    def noise(self, vehicle, strength=1.0):
+        """Return the diffusion of a vehicle, the angular part times `strength`."""
+        return np.array(getattr(self, f"{vehicle}_noise")) * np.repeat([1.0, strength], 3)
+
+
+# ---------------------------------------------------------------- symbols, compiled once
+
+
+@cache
+def body():
+    """Return the six-state equation in symbols, of both vehicles."""
+    drift, diffusion, names = bodies.equations()
+    return moments.system(bodies.STATES, drift, diffusion, bodies.INPUTS, names)
+
+
+@cache
+def propagator(closure):
+    """Return the compiled moment equations of a closure."""
+    return generated.Propagator(moments.close(body(), closure))
+
+
+@cache
+def simulator():
+    """Return the compiled equation itself."""
+    return generated.Simulator(body())
+
+
+# ---------------------------------------------------------------- truth and filters
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Simulated vehicles.
+
+    Attributes
+    ----------
+    vehicle : str
+    parameters : ndarray, shape (24,)
+        Of the body, diffusion included: the filters know it.
+    times : ndarray, shape (samples,)
+    x : ndarray, shape (runs, samples, 6)
+    """
+
+    vehicle: str
+    parameters: np.ndarray
+    times: np.ndarray
+    x: np.ndarray
+
+
+def simulate(scenario, vehicle, noise=None, keep=None, mission=None) -> Truth:
+    """Simulate the runs of a vehicle, a state every `keep` s (default: the interval)."""
+    craft = bodies.BODIES[vehicle]
+    noise = scenario.noise(vehicle) if noise is None else noise
+    step = getattr(scenario, f"{vehicle}_step")
+    mission = scenario.mission if mission is None else mission
+    steps = round(mission / step)
+    keep = scenario.interval if keep is None else keep
+    parameters = craft.parameters(noise)
+    forces = craft.forces(np.arange(steps + 1) * step)
+    x0, P0 = scenario.prior(vehicle)
+    first = montecarlo.normals(scenario.seed, f"{vehicle} start", scenario.runs, (6,))
+    starts = x0 + first @ np.sqrt(P0)
+    generators = montecarlo.streams(scenario.seed, f"{vehicle} process", scenario.runs)
+    move = simulator()
+
+    def batch(chosen):
+        normal = np.array([generators[r].standard_normal((steps, 6)) for r in chosen])
+        every = round(keep / step)
+        return move(starts[chosen], normal, step, forces, parameters, every)
+
+    tracks = montecarlo.parallel_map(batch, batches(scenario.runs), label=f"{vehicle}, truth")
+    x = np.concatenate(tracks)
+    return Truth(vehicle, parameters, np.arange(x.shape[1]) * keep, x)
+
+
+def batches(runs):
+    """Return run numbers in lists of fixed size."""
+    return [list(range(k, min(k + BATCH, runs))) for k in range(0, runs, BATCH)]
+
+
+def measure(scenario, truth, case) -> np.ndarray:
+    """Return the measurements of a case, (runs, samples - 1, 3)."""
+    runs, samples = truth.x.shape[:2]
+    shape = (samples - 1, 3)
+    purpose = f"{truth.vehicle} measurement"
+    noise = montecarlo.normals(scenario.seed, purpose, runs, shape)
+    return truth.x[:, 1:] @ case.H.T + np.sqrt(case.R) * noise
+
+
+def estimate(scenario, truth, case, closure="gaussian", corrected=True):
+    """Run a filter on every record of a case; a `continuous_discrete.Track`."""
+    z = measure(scenario, truth, case)
+    x0, P0 = scenario.prior(truth.vehicle)
+    propagate, interval = propagator(closure), truth.times[1]
+    forces = bodies.BODIES[truth.vehicle].forces
+    R = case.R * np.eye(3) if corrected else None
+
+    def batch(chosen):
+        return continuous_discrete.run(
+            propagate, x0, P0, z[chosen], interval, scenario.filter_step, R, case.H, forces,
+            truth.parameters,
+        )  # fmt: skip
+
+    # Without corrections every run is the same: one stands for all.
+    chosen = batches(scenario.runs) if corrected else [[0]]
+    tracks = montecarlo.parallel_map(batch, chosen)
+    joined = [np.concatenate([getattr(t, a) for t in tracks]) for a in ("mean", "P", "nis")]
+    if not corrected:
+        joined = [np.repeat(a, scenario.runs, axis=0) for a in joined]
+    return continuous_discrete.Track(*joined)
+
+
+def particles(scenario, truth, case):
+    """Run the bootstrap particle filter on the first runs; a `continuous_discrete.Track`."""
+    z = measure(scenario, truth, case)
+    x0, P0 = scenario.prior(truth.vehicle)
+    forces, move = bodies.BODIES[truth.vehicle].forces, simulator()
+    generators = montecarlo.streams(
+        scenario.seed, f"{truth.vehicle} particles", scenario.particle_runs
+    )
+
+    def one(r):
+        return continuous_discrete.particle_filter(
+            move, x0, P0, z[r : r + 1], truth.times[1], 2 * scenario.torpedo_step,
+            case.R * np.eye(3), case.H, generators[r : r + 1], scenario.particles, forces,
+            truth.parameters,
+        )  # fmt: skip
+
+    tracks = montecarlo.parallel_map(one, range(scenario.particle_runs), label="particles")
+    joined = [np.concatenate([getattr(t, a) for t in tracks]) for a in ("mean", "P", "nis")]
+    return continuous_discrete.Track(*joined)
+
+
+# ---------------------------------------------------------------- scores
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """Errors of one filter, a number per run; the start is not counted.
+
+    Attributes
+    ----------
+    squared : ndarray, shape (runs, 6)
+        Mean squared error over time.
+    variance : ndarray, shape (runs, 6)
+        What the filter says of it: mean of the diagonal of P.
+    nees : ndarray, shape (runs,)
+        Mean over time of eᵀ P⁻¹ e; 6 if the covariance is right.
+    nees_by_time : ndarray, shape (samples,)
+        Mean over runs.
+    """
+
+    squared: np.ndarray
+    variance: np.ndarray
+    nees: np.ndarray
+    nees_by_time: np.ndarray
+
+    def rmse(self, component):
+        """Return the RMSE of a component, an `Estimate`."""
+        return montecarlo.root_mean_square(self.squared[:, component])
+
+    def own_sd_ratio(self, component):
+        """Return the filter's own standard deviation over its RMSE, an `Estimate`."""
+        return root_ratio(self.variance[:, component], self.squared[:, component])
+
+
+def score(truth, track, consistency=True) -> Score:
+    """Return the errors (estimate minus truth) of a filter, of as many runs as it has.
+
+    `consistency` False leaves the NEES out (NaN): the sample covariance of a particle
+    filter that has collapsed cannot be inverted.
+    """
+    runs = len(track.mean)
+    error = (track.mean - truth.x[:runs])[:, 1:]
+    P = track.P[:, 1:]
+    nees = np.full(error.shape[:2], np.nan)
+    if consistency:
+        whitened = np.linalg.solve(P, error[..., None])[..., 0]
+        nees = (error * whitened).sum(axis=-1)
+    variance = np.diagonal(P, axis1=2, axis2=3).mean(axis=1)
+    return Score((error**2).mean(axis=1), variance, nees.mean(axis=1), nees.mean(axis=0))
+
+
+def root_ratio(a, b):
+    """Return √(mean a / mean b) of per-run scores (runs,), paired, as an `Estimate`."""
+    value = float(np.sqrt(a.mean() / b.mean()))
+    return montecarlo.from_influence(value, 0.5 * value * (a / a.mean() - b / b.mean()))
+
+
+def total(one, open_loop):
+    """Return each run's squared error, components weighed by the open-loop error, (runs,)."""
+    return (one.squared / open_loop.squared.mean(axis=0)).mean(axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """One case of one vehicle: truth, filtered track, and scores by filter name."""
+
+    truth: Truth
+    case: Case
+    track: continuous_discrete.Track
+    scores: dict
+
+    def over_open_loop(self, component, name="gaussian"):
+        """Return RMSE of a filter over that of prediction only, an `Estimate`."""
+        return root_ratio(
+            self.scores[name].squared[:, component],
+            self.scores["prediction only"].squared[:, component],
+        )
+
+    def gain(self, name="gaussian", other="ekf"):
+        """Return the total error of a filter over another's, paired, an `Estimate`."""
+        open_loop = self.scores["prediction only"]
+        return root_ratio(total(self.scores[name], open_loop), total(self.scores[other], open_loop))
+
+
+def run_case(scenario, truth, case) -> Result:
+    """Run all closures and the one-stage estimator on a case."""
+    tracks = {closure: estimate(scenario, truth, case, closure) for closure in moments.CLOSURES}
+    scores = {name: score(truth, track) for name, track in tracks.items()}
+    scores["prediction only"] = score(truth, estimate(scenario, truth, case, corrected=False))
+    return Result(truth, case, tracks["gaussian"], scores)
+
+
+def run_all(scenario, strength=1.0) -> dict:
+    """Return {(vehicle, case number): Result}; `strength` scales the angular noise."""
+    results = {}
+    for vehicle in VEHICLES:
+        truth = simulate(scenario, vehicle, scenario.noise(vehicle, strength))
+        for case in scenario.cases:
+            results[vehicle, case.number] = run_case(scenario, truth, case)
+    return results
+
+
+def open_loop_limit(scenario, truth, case, R):
+    """Return the largest difference between the filter with noise `R` and prediction only.
+
+    In units of the open-loop standard deviation: how near the limit R → ∞ is.
+    """
+    far = estimate(scenario, truth, replace(case, R=R))
+    free = estimate(scenario, truth, case, corrected=False)
+    sd = np.sqrt(np.diagonal(free.P, axis1=2, axis2=3))
+    return float(np.abs((far.mean - free.mean) / sd).max())
+
+
+# ---------------------------------------------------------------- provenance
+
+
+def origins(scenario) -> list:
+    """Return where every parameter comes from: rows of `report.parameters`."""
+    rows = []
+
+    def add(name, value, unit, origin, note):
+        shown = " ".join(f"{v:g}" for v in value) if hasattr(value, "__iter__") else value
+        rows.append((name, shown, unit, origin, note))
+
+    torpedo, sphere = bodies.TORPEDO, bodies.SPHERE
+    tables = "REMUS tables of Prestero (2001) as found in public code"
+    add("torpedo mass", torpedo.mass, "kg", "public source", tables)
+    add("torpedo inertia", torpedo.inertia, "kg m²", "public source", tables)
+    add("torpedo linear drag", torpedo.linear, "N s/m, N m s", "assumed", "66.6, 6.87 as paper 3")
+    add("torpedo cubic drag", torpedo.cubic, "N s³/m³, N m s³", "assumed", "")
+    memory = "ODIN sphere from memory of the literature, found nowhere public"
+    add("sphere mass", sphere.mass, "kg", "recalled", memory + "; ½ρV of 0.64 m is 70.3 kg")
+    add("sphere inertia", sphere.inertia, "kg m²", "recalled", memory + "; 0.4 m r² is 5.18")
+    add("sphere linear drag", sphere.linear, "N s/m, N m s", "recalled", memory)
+    add("sphere cubic drag", sphere.cubic, "N s³/m³, N m s³", "recalled", memory)
+    for craft in (torpedo, sphere):
+        add(f"{craft.name} tau0", craft.inputs, "N, N m", "assumed", "times 1 + 0.5 sin 0.3 t")
+    notes = {
+        "small_R": "case 1; chosen to show what the text says of it",
+        "large_R": "cases 2 and 3; chosen likewise",
+        "strong_noise": "factor on the angular noise",
+    }
+    units = {"start": "m/s, rad/s", "variance": "squared", "noise": "per √s"}
+    for name in Scenario.__dataclass_fields__:
+        value = getattr(scenario, name)
+        unit = next((u for end, u in units.items() if name.endswith("_" + end)), "")
+        if name in ("interval", "mission") or name.endswith("_step"):
+            unit = "s"
+        unit = "SI, squared" if name.endswith("_R") else "s" if name == "map_interval" else unit
+        unit = "" if name in ("strong_noise", "map_noise") else unit
+        add(name, value, unit, "assumed", notes.get(name, "lost in the text"))
+    return rows

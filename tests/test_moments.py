@@ -1,0 +1,369 @@
+"""Moment equations: symbols against each other, numbers against independent references."""
+
+import itertools
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy import linalg, stats
+from scipy.integrate import quad
+
+from seanav.checks import ParameterError
+from seanav.filters import generated, moments
+from seanav.models import bodies
+
+DRIFT, DIFFUSION, NAMES = bodies.equations()
+BODY = moments.system(bodies.STATES, DRIFT, DIFFUSION, bodies.INPUTS, NAMES)
+
+
+def linear_drag_body():
+    """Return the body with quadratic drift only: no cubic drag."""
+    drift = BODY.drift.xreplace({x: sp.Integer(0) for x in BODY.parameters if x.name[0] == "c"})
+    return moments.system(bodies.STATES, drift, DIFFUSION, bodies.INPUTS, NAMES)
+
+
+VAN_DER_POL = moments.system("x y", ["y", "mu*(1 - x**2)*y - x"], [["0"], ["s"]], parameters="mu s")
+
+
+def zero(expression):
+    return sp.expand(expression) == 0
+
+
+# ---------------------------------------------------------------- symbols
+
+
+def test_isserlis_pairs_up_as_the_textbook_says():
+    P = BODY.covariance
+    expected = P[0, 1] * P[2, 3] + P[0, 2] * P[1, 3] + P[0, 3] * P[1, 2]
+    assert zero(moments.isserlis((0, 1, 2, 3), P) - expected)
+    assert moments.isserlis((0, 0, 0, 0), P) == 3 * P[0, 0] ** 2
+    assert moments.isserlis((1, 2, 3), P) == 0
+    assert [len(moments.pairings(tuple(range(k)))) for k in (2, 4, 6, 8)] == [1, 3, 15, 105]
+
+
+def test_operator_on_the_exponential_gives_the_characteristic_equation():
+    s, K = moments.characteristic(BODY)
+    s = sp.Matrix(s)
+    expected = s.dot(BODY.drift) + (s.T * BODY.spread * s)[0] / 2
+    assert zero(K - expected)
+
+
+@pytest.mark.parametrize("model", [VAN_DER_POL, BODY], ids=["van der Pol", "body"])
+def test_derivatives_of_the_characteristic_function_are_the_moment_equations(model):
+    s, K = moments.characteristic(model)
+    exact = moments.exact(model)
+    wave = sp.exp(sum(a * b for a, b in zip(s, model.states, strict=True)))
+    at_zero = dict.fromkeys(s, 0)
+    for i, si in enumerate(s):
+        slope = sp.diff(K * wave, si).subs(at_zero)
+        assert zero(moments.expectation(model, slope) - exact.mean_rate[i])
+    m = model.mean
+    for i, j in itertools.combinations_with_replacement(range(len(s)), 2):
+        bend = sp.diff(K * wave, s[i], s[j]).subs(at_zero)
+        rate = moments.expectation(model, bend)
+        rate -= m[i] * exact.mean_rate[j] + m[j] * exact.mean_rate[i]
+        assert zero(rate - exact.covariance_rate[i, j])
+
+
+def test_forward_operator_is_the_adjoint_of_the_backward_one():
+    x = VAN_DER_POL.states
+    bump = sp.exp(-(x[0] ** 2) - x[1] ** 2)
+    phi, p = x[0] ** 2 * x[1] + x[1] ** 2, (1 + x[0] * x[1] + x[0]) * bump
+    left = sp.expand(moments.backward(VAN_DER_POL, phi) * p / bump)
+    right = sp.expand(sp.expand(moments.forward(VAN_DER_POL, p)) / bump * phi)
+
+    def integral(polynomial):
+        # ∫ x^k e^{-x²} = Γ((k+1)/2) for even k, axis by axis.
+        total = 0
+        for powers, c in sp.Poly(polynomial, *x).terms():
+            if all(k % 2 == 0 for k in powers):
+                total += c * sp.Mul(*(sp.gamma(sp.Rational(k + 1, 2)) for k in powers))
+        return sp.expand(total)
+
+    assert integral(left) != 0
+    assert zero(integral(left) - integral(sp.simplify(right)))
+
+
+def test_gaussian_closure_is_the_truncated_one_exactly_when_the_drift_is_quadratic():
+    quadratic = linear_drag_body()
+    gauss, second = (moments.close(quadratic, c) for c in ("gaussian", "second order"))
+    assert (gauss.mean_rate - second.mean_rate).applyfunc(sp.expand).is_zero_matrix
+    assert (gauss.covariance_rate - second.covariance_rate).applyfunc(sp.expand).is_zero_matrix
+    gauss, second = (moments.close(BODY, c) for c in ("gaussian", "second order"))
+    assert (gauss.mean_rate - second.mean_rate).applyfunc(sp.expand).is_zero_matrix
+    difference = (gauss.covariance_rate - second.covariance_rate).applyfunc(sp.expand)
+    P, symbol = BODY.covariance, {x.name: x for x in BODY.parameters}
+    assert zero(difference[0, 0] + 6 * symbol["c1"] * P[0, 0] ** 2 / symbol["m1"])
+
+
+def energy_terms(model, closed):
+    mass = sp.diag(*(x for x in model.parameters if x.name in bodies.MASSES))
+    m, symbol = sp.Matrix(model.mean), {x.name: x for x in model.parameters}
+    power = sum(
+        moments.expectation(
+            model, symbol[f"a{i + 1}"] * x**2 + with_cubic * x**4, moments.gaussian_moment
+        )
+        for i, (x, with_cubic) in enumerate(zip(model.states, cubic_of(model), strict=True))
+    )
+    rate = (m.T * mass * closed.mean_rate)[0] + (mass * closed.covariance_rate).trace() / 2
+    balance = m.dot(sp.Matrix(model.inputs)) - power + (mass * model.spread).trace() / 2
+    return sp.expand(rate - balance), mass, m
+
+
+def cubic_of(model):
+    present = model.drift.free_symbols
+    return [c if c in present else 0 for c in model.parameters if c.name[0] == "c"]
+
+
+@pytest.mark.parametrize("model", [BODY, linear_drag_body()], ids=["cubic", "linear"])
+def test_gaussian_closure_balances_energy(model):
+    defect, _, _ = energy_terms(model, moments.close(model, "gaussian"))
+    assert defect == 0
+
+
+def test_ekf_lacks_exactly_the_energy_of_the_missing_term():
+    model = linear_drag_body()
+    defect, mass, m = energy_terms(model, moments.close(model, "ekf"))
+    n, P = 6, model.covariance
+    bend = sp.Matrix(
+        [
+            sum(P[i, j] * sp.hessian(f, model.states)[i, j] for i in range(n) for j in range(n)) / 2
+            for f in model.drift
+        ]
+    )
+    assert defect != 0
+    assert zero(defect + (m.T * mass * bend)[0])
+
+
+# ---------------------------------------------------------------- numbers
+
+
+def random_point(n, seed):
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(n, n))
+    return rng.normal(size=n), 0.1 * root @ root.T + 0.02 * np.eye(n), rng
+
+
+def gauss_hermite(model, mean, P, values):
+    """Return ⟨f⟩ and d P/dt by 5 nodes per axis, exact here up to degree 9."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(5)
+    n = len(mean)
+    grid = np.array(list(itertools.product(nodes, repeat=n)))
+    weight = np.prod(list(itertools.product(weights / weights.sum(), repeat=n)), axis=1)
+    x = mean + grid @ np.linalg.cholesky(P).T
+    others = (*model.inputs, *model.parameters)
+    f = sp.lambdify((*model.states, *others), list(model.drift), "numpy")
+    spread = sp.lambdify((*model.states, *others), model.spread.tolist(), "numpy")
+    columns = [*x.T, *(values[s.name] for s in others)]
+    rates = np.array([np.broadcast_to(entry, len(x)) for entry in f(*columns)])
+    noise = np.array([[np.broadcast_to(e, len(x)) for e in row] for row in spread(*columns)])
+    cross = (rates * weight) @ (x - mean)
+    return rates @ weight, cross + cross.T + noise @ weight
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gaussian_closure_agrees_with_gauss_hermite(seed):
+    mean, P, rng = random_point(6, seed)
+    parameters, inputs = rng.uniform(0.5, 2.0, 24), rng.normal(size=6)
+    values = {s.name: v for s, v in zip(BODY.parameters, parameters, strict=True)}
+    values |= {s.name: v for s, v in zip(BODY.inputs, inputs, strict=True)}
+    rates = generated.Propagator(moments.close(BODY, "gaussian")).rates(mean, P, inputs, parameters)
+    expected = gauss_hermite(BODY, mean, P, values)
+    scale = np.abs(expected[1]).max()
+    np.testing.assert_allclose(rates[0], expected[0], rtol=0, atol=1e-12 * scale)
+    np.testing.assert_allclose(rates[1], expected[1], rtol=0, atol=1e-12 * scale)
+
+
+def test_state_dependent_diffusion_and_high_degree_agree_with_gauss_hermite():
+    model = moments.system("x y", ["y**3*x - x**5", "-y + x*y**2"], [["1 + x*y"], ["x**2"]])
+    mean, P, _ = random_point(2, 7)
+    rates = generated.Propagator(moments.close(model, "gaussian")).rates(mean, P)
+    expected = gauss_hermite(model, mean, P, {})
+    np.testing.assert_allclose(rates[0], expected[0], rtol=1e-12)
+    np.testing.assert_allclose(rates[1], expected[1], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("m", [-1.3, 0.0, 0.4])
+def test_quadratic_drag_in_closed_form_agrees_with_quadrature(m):
+    model = moments.system("x y", ["-k*x*Abs(x) + y", "-y"], [1, 1], parameters="k")
+    P = np.array([[0.5, 0.2], [0.2, 0.3]])
+    rates = generated.Propagator(moments.close(model, "gaussian")).rates([m, 0.2], P, (), [2.0])
+    density = stats.norm(m, np.sqrt(P[0, 0])).pdf
+
+    def mean(g):
+        return sum(quad(lambda x: g(x) * density(x), *ends)[0] for ends in ((-9, 0), (0, 9)))
+
+    drag, slope = mean(lambda x: x * abs(x)), mean(lambda x: 2 * abs(x))
+    assert rates[0][0] == pytest.approx(-2 * drag + 0.2, rel=1e-9)
+    assert rates[1][0, 0] == pytest.approx(2 * (-2 * slope * P[0, 0] + P[0, 1]) + 1, rel=1e-9)
+    assert rates[1][0, 1] == pytest.approx(-2 * slope * P[0, 1] + P[1, 1] - P[0, 1], rel=1e-9)
+
+
+def van_loan(A, Q, dt):
+    n = len(A)
+    block = np.block([[-A, Q], [np.zeros((n, n)), A.T]])
+    whole = linalg.expm(block * dt)
+    Phi = whole[n:, n:].T
+    return Phi, Phi @ whole[:n, n:]
+
+
+@pytest.mark.parametrize("closure", moments.CLOSURES)
+def test_linear_case_agrees_with_van_loan(closure):
+    rng = np.random.default_rng(3)
+    A, G = rng.normal(size=(3, 3)), rng.normal(size=(3, 2))
+    x = sp.Matrix(sp.symbols("x y z", real=True))
+    model = moments.system("x y z", list(sp.Matrix(A) * x), sp.Matrix(G).tolist())
+    Phi, Q = van_loan(A, G @ G.T, 0.5)
+    mean, P, _ = random_point(3, 4)
+    expected = Phi @ mean, Phi @ P @ Phi.T + Q
+    mean, P = mean[None].copy(), P[None].copy()
+    generated.Propagator(moments.close(model, closure))(mean, P, 0.5, 0.001)
+    np.testing.assert_allclose(mean[0], expected[0], rtol=1e-10)
+    np.testing.assert_allclose(P[0], expected[1], rtol=1e-10)
+
+
+def test_geometric_brownian_motion_is_exact():
+    model = moments.system("x", ["a*x"], ["b*x"], parameters="a b")
+    a, b, t = 0.3, 0.5, 1.2
+    mean, P = np.array([[2.0]]), np.array([[[0.1]]])
+    generated.Propagator(moments.close(model, "gaussian"))(mean, P, t, 0.002, None, [a, b])
+    second = (4.0 + 0.1) * np.exp((2 * a + b**2) * t)
+    assert mean[0, 0] == pytest.approx(2.0 * np.exp(a * t), rel=1e-10)
+    assert P[0, 0, 0] == pytest.approx(second - 4.0 * np.exp(2 * a * t), rel=1e-9)
+
+
+def test_ekf_jacobian_agrees_with_central_differences():
+    rng = np.random.default_rng(5)
+    propagate = generated.Propagator(moments.close(BODY, "ekf"))
+    parameters, inputs = rng.uniform(0.5, 2.0, 24), rng.normal(size=6)
+    parameters[18:] = 0.0
+    mean, step = rng.normal(size=6), 1e-5
+    P = np.eye(6)
+    A = np.empty((6, 6))
+    for j in range(6):
+        ends = [propagate.rates(mean + s * step * P[j], P, inputs, parameters)[0] for s in (1, -1)]
+        A[:, j] = (ends[0] - ends[1]) / (2 * step)
+    rate = propagate.rates(mean, P, inputs, parameters)[1]
+    np.testing.assert_allclose(rate, A + A.T, rtol=1e-8, atol=1e-8)
+
+
+def test_number_of_runs_changes_no_run():
+    propagate = generated.Propagator(moments.close(BODY, "gaussian"))
+    rng = np.random.default_rng(6)
+    start = rng.normal(size=(19, 6)) * 0.2
+    forces = bodies.TORPEDO.forces(np.linspace(0, 0.5, 21))
+    ends = []
+    for runs in (19, 3):
+        mean, P = start[:runs].copy(), np.tile(np.eye(6) * 0.02, (runs, 1, 1))
+        propagate(mean, P, 0.5, 0.05, forces, bodies.TORPEDO.parameters())
+        ends.append((mean, P))
+    assert np.array_equal(ends[0][0][:3], ends[1][0])
+    assert np.array_equal(ends[0][1][:3], ends[1][1])
+
+
+def test_second_order_measurement_agrees_with_monte_carlo_free_moments():
+    model = moments.system("x y", ["-x", "-y"], [1, 1])
+    predictor = generated.Predictor(moments.measurement(model, ["x*y", "x**2 + y"]))
+    mean, P, _ = random_point(2, 8)
+    predicted, H, spread = predictor(mean[None], P[None])
+    nodes, weights = np.polynomial.hermite_e.hermegauss(5)
+    grid = np.array(list(itertools.product(nodes, repeat=2)))
+    weight = np.prod(list(itertools.product(weights / weights.sum(), repeat=2)), axis=1)
+    x, y = (mean + grid @ np.linalg.cholesky(P).T).T
+    h = np.array([x * y, x**2 + y])
+    offset = h - (h @ weight)[:, None]
+    np.testing.assert_allclose(predicted[0], h @ weight, rtol=1e-12)
+    whole = H[0] @ P @ H[0].T + spread[0]
+    np.testing.assert_allclose(whole, (offset * weight) @ offset.T, rtol=1e-11)
+
+
+# ---------------------------------------------------------------- a user's own equation
+
+
+def test_own_three_state_equation_as_text_or_sympy():
+    x, y, z = sp.symbols("x y z")
+    text = moments.system("x y z", ["10*(y - x)", "x*(28 - z) - y", "x*y - 8*z/3"], [1, 1, 1])
+    symbols = moments.system(
+        [x, y, z], [10 * (y - x), x * (28 - z) - y, x * y - sp.Rational(8, 3) * z], sp.eye(3)
+    )
+    assert text == symbols
+    mean, P, _ = random_point(3, 9)
+    rates = generated.Propagator(moments.close(text, "gaussian")).rates(mean, P)
+    np.testing.assert_allclose(rates[0][2], mean[0] * mean[1] + P[0, 1] - 8 / 3 * mean[2])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ("x", ["sin(x)"], [1]),
+            r"drift\[0\] = 'sin\(x\)': must be a polynomial in the states, or",
+        ),
+        (("x", ["1/x"], [1]), r"drift\[0\].*must be a polynomial"),
+        (("x y", ["x*y*Abs(x)", "y"], [1, 1]), r"drift\[0\].*terms c\*x\*Abs\(x\)"),
+        (("x", ["sqrt(x)"], [1]), r"drift\[0\].*must be a polynomial"),
+        (("x y", ["x"], [1, 1]), "drift = .*must have 2 entries, one per state"),
+        (("x y", ["x", "y"], [[1, 0]]), "diffusion = .*must have 2 rows of equal length"),
+        (("x y", ["x", "y"], [[1, 0], [1]]), "diffusion = .*must have 2 rows of equal length"),
+        (("x", ["k*x"], [1]), r"drift\[0\] = 'k\*x': must not use k; known: x"),
+        (("x", ["x +"], [1]), r"drift\[0\] = 'x \+': must be a formula SymPy can read"),
+        (("x x", ["x", "x"], [1, 1]), "states = .*must be different names"),
+        (("x", ["x"], ["exp(x)"]), r"diffusion\[0\]\[0\] = 'exp\(x\)': must be a polynomial"),
+    ],
+)
+def test_unusable_equation_is_one_clear_line(arguments, message):
+    with pytest.raises(ParameterError, match=message) as caught:
+        moments.system(*arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_threads_share_one_finished_module():
+    # The sleep stands for a long import: nobody may see the module before `value` is there.
+    source = "import time\n\ntime.sleep(0.2)\nvalue = 7\n"
+    with ThreadPoolExecutor(4) as pool:
+        values = list(pool.map(lambda _: generated._module(source).value, range(4)))
+    assert values == [7] * 4
+
+
+def test_unknown_closure_and_open_moments_are_refused():
+    with pytest.raises(ParameterError, match=r"closure = 'ukf': must be one of 'ekf'"):
+        moments.close(BODY, "ukf")
+    with pytest.raises(ParameterError, match=r"closure = 'exact': must not leave mu_x_x"):
+        generated.Propagator(moments.exact(VAN_DER_POL))
+
+
+def test_wrong_shapes_are_refused():
+    propagate = generated.Propagator(moments.close(VAN_DER_POL, "gaussian"))
+    mean, P = np.zeros((2, 2)), np.tile(np.eye(2), (2, 1, 1))
+    with pytest.raises(ParameterError, match=r"parameters = .*one number each: mu, s"):
+        propagate(mean, P, 1.0, 0.1, None, [1.0])
+    with pytest.raises(ParameterError, match=r"states = .*shape \(runs, 2\)"):
+        propagate(np.zeros((2, 3)), P, 1.0, 0.1, None, [1.0, 1.0])
+    with pytest.raises(ParameterError, match="step = 0: must be a finite number above 0"):
+        propagate(mean, P, 1.0, 0, None, [1.0, 1.0])
+
+
+# ---------------------------------------------------------------- observability
+
+
+def test_observability_rank_of_linear_systems_is_kalmans():
+    model = moments.system("x y z", ["y", "z", "-x"], [1, 1, 1])
+    x, y, z = model.states
+    point = {x: 1, y: 2, z: 3}
+    assert moments.observability(model, [x], point, 4) == [1, 2, 3, 3]
+    hidden = moments.system("x y z", ["y", "-x", "-z"], [1, 1, 1])
+    x, y, z = hidden.states
+    assert moments.observability(hidden, [x], {x: 1, y: 2, z: 3}, 4) == [1, 2, 2, 2]
+
+
+def test_observability_rank_agrees_with_lie_derivatives_written_out():
+    model = moments.system("x y z", ["y*z", "x*z - y**3", "x - z"], [1, 1, 1])
+    x, y, z = model.states
+    point = {x: sp.Rational(1, 2), y: sp.Rational(2, 3), z: -1}
+    rows, lie, ranks = [], x, []
+    for _ in range(4):
+        rows.append([sp.diff(lie, s).subs(point) for s in model.states])
+        lie = sum(f * sp.diff(lie, s) for f, s in zip(model.drift, model.states, strict=True))
+        ranks.append(sp.Matrix(rows).rank())
+    assert moments.observability(model, [x], point, 4) == ranks
