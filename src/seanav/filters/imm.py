@@ -28,7 +28,7 @@ def interact(T, mu, predicted, weights):
         Mode probabilities after the last measurement.
     predicted : (models, runs), output
     weights : (models, models, runs), output
-        weights[i, j] = Pr(model i before | model j now).
+        weights[j, i] = Pr(model i before | model j now).
     """
     models, runs = mu.shape
     for j in range(models):
@@ -41,9 +41,9 @@ def interact(T, mu, predicted, weights):
             for r in range(runs):
                 # A model that cannot be entered keeps its own estimate.
                 if predicted[j, r] > 0.0:
-                    weights[i, j, r] = T[i, j] * mu[i, r] / predicted[j, r]
+                    weights[j, i, r] = T[i, j] * mu[i, r] / predicted[j, r]
                 else:
-                    weights[i, j, r] = 1.0 if i == j else 0.0
+                    weights[j, i, r] = 1.0 if i == j else 0.0
 
 
 @kernel
@@ -78,7 +78,7 @@ def probabilities(predicted, logs, mu):
 
 
 @kernel
-def mix(weights, deviations, P, size, mean, covariance):
+def mix(weights, deviations, P, mean, covariance, centred):
     """Return one Gaussian with the moments of a mixture, equations (22) and (26).
 
     Parameters
@@ -89,12 +89,13 @@ def mix(weights, deviations, P, size, mean, covariance):
         States of the models, as deviations from any common point.
     P : (models, size (size + 1) / 2, runs)
         Covariances, upper triangles row by row.
-    size : int
     mean : (size, runs), output
         Deviation of the mixture's mean from that point.
     covariance : (size (size + 1) / 2, runs), output
+    centred : (size + 1, runs)
+        Workspace.
     """
-    models, runs = weights.shape
+    models, size, runs = deviations.shape
     for k in range(size):
         for r in range(runs):
             mean[k, r] = 0.0
@@ -108,13 +109,14 @@ def mix(weights, deviations, P, size, mean, covariance):
             for r in range(runs):
                 covariance[k, r] += weights[i, r] * P[i, k, r]
     for i in range(models):
+        for k in range(size):
+            for r in range(runs):
+                centred[k, r] = deviations[i, k, r] - mean[k, r]
         at = 0
         for k in range(size):
+            for r in range(runs):
+                centred[size, r] = weights[i, r] * centred[k, r]
             for m in range(k, size):
                 for r in range(runs):
-                    covariance[at, r] += (
-                        weights[i, r]
-                        * (deviations[i, k, r] - mean[k, r])
-                        * (deviations[i, m, r] - mean[m, r])
-                    )
+                    covariance[at, r] += centred[size, r] * centred[m, r]
                 at += 1

@@ -326,7 +326,7 @@ def _mission(
     mixed_P, best_P = np.zeros((models, PACKED, LANES)), np.zeros((PACKED, LANES))
     best, mean, e = np.zeros((NOMINAL, LANES)), np.zeros((N, LANES)), np.zeros((N, LANES))
     true_state = np.zeros((NOMINAL, LANES))
-    cholesky = np.zeros((N, N + 1))
+    cholesky, centred = np.zeros((N, N + 1)), np.zeros((N + 1, LANES))
 
     for step in range(steps):
         if models > 1:
@@ -335,7 +335,7 @@ def _mission(
             for i in range(models):
                 difference(x[i], best, deviations[i])
             for j in range(models):
-                imm.mix(weights[:, j], deviations, P, N, mean, mixed_P[j])
+                imm.mix(weights[j], deviations, P, mean, mixed_P[j], centred)
                 x[j] = best
                 shift(x[j], mean, 1.0)
             P[:] = mixed_P
@@ -427,7 +427,7 @@ def _mission(
                         series[at, i, r] = e[i, r]
                 if models > 1:
                     difference(best, x[0], mean)
-                    imm.mix(mu, deviations, P, N, mean, best_P)
+                    imm.mix(mu, deviations, P, mean, best_P, centred)
                 else:
                     best_P[:] = P[0]
                 for r in range(LANES):
