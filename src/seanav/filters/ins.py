@@ -16,7 +16,6 @@ Source: Cha, Hwang and Park, *The Journal of Navigation*, 2022, equations (6)-(2
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -426,10 +425,118 @@ def _mission(
                         e[i, r] -= last[at, i - 7, r]
                         series[at, i, r] = e[i, r]
                 if models > 1:
-                    difference(best, x[0], mean)
                     imm.mix(mu, deviations, P, mean, best_P, centred)
                 else:
                     best_P[:] = P[0]
                 for r in range(LANES):
                     series[at, N, r] = _cholesky_nees(best_P, e, r, cholesky)
                     sums[6, r] += series[at, N, r]
+
+
+def pack_diagonal(variances):
+    """Return a packed diagonal covariance of the 16 states, (136, LANES)."""
+    P = np.zeros((PACKED, LANES))
+    P[AT[np.arange(N), np.arange(N)]] = np.asarray(variances, dtype=float)[:, None]
+    return P
+
+
+def unpack(P):
+    """Return covariances (18, 18, runs) from packed ones (136, runs); held states are zero."""
+    full = np.zeros((inertial.STATES, inertial.STATES, P.shape[-1]))
+    full[np.ix_(KEPT, KEPT)] = P[AT]
+    return full
+
+
+def fly(
+    theta,
+    dv,
+    z,
+    truth,
+    x0,
+    P0,
+    *,
+    height,
+    R,
+    noise,
+    forms,
+    velocity_noise,
+    attitude_noise,
+    transition,
+    mu0,
+    window=20,
+    cap=10.0,
+    aided=True,
+    stride=0,
+    true_rest=None,
+):
+    """Fly one batch of missions with one EKF or the IMM of several.
+
+    Parameters
+    ----------
+    theta, dv : (steps, 3, LANES)
+        Increments as reported, 1 s each (see `seanav.models.inertial.preintegrate`).
+    z : (steps, axes, LANES)
+        Log at the end of each step, m/s; 1 axis (forward) or 3, noise variance `R` each.
+    truth : (steps, 10)
+        Latitude, longitude, v_N, v_E, quaternion, metres per radian north and east.
+    x0 : (17, LANES)
+        Nominal state at the start, the same for every model.
+    P0 : (models, 136, LANES)
+        Packed covariances at the start.
+    noise : (models, 2)
+        Of the current per step: decay a and variance q.
+    forms : sequence of str
+        Fading form of each model, a key of `seanav.filters.fading.FORMS`.
+    velocity_noise, attitude_noise : float
+        Process noise variance per step, (m/s)² and rad².
+    transition : (models, models); mu0 : (models,)
+        Of the IMM; of no effect for one model.
+    window, cap : int, float
+        Of the fading.
+    aided : bool
+        False: pure inertial navigation.
+    stride : int
+        Record the error every so many steps; 0: never.
+    true_rest : (steps // stride, 9, LANES)
+        True biases and current at the recorded steps, for the NEES.
+
+    Returns
+    -------
+    means : (9 + models, LANES)
+        Means over time of `SUMS`, then of the mode probabilities.
+    series : (steps // stride, 17 + models, LANES)
+        Errors of the 16 states (position in metres), NEES, mode probabilities.
+    P : (models, 136, LANES)
+        Covariances at the end.
+    """
+    models, steps = len(P0), len(z)
+    records = steps // stride if stride else 0
+    sums = np.zeros((len(SUMS) + models, LANES))
+    series = np.zeros((max(records, 1), N + 1 + models, LANES))
+    rest = np.zeros((max(records, 1), 9, LANES)) if true_rest is None else true_rest
+    settings = np.array([height, 1.0, R, cap, velocity_noise, attitude_noise, float(aided)])
+    x = np.repeat(x0[None], models, axis=0)
+    P = np.array(P0, dtype=float)
+    mu = np.repeat(np.asarray(mu0, dtype=float)[:, None], LANES, axis=1)
+    _mission(
+        theta,
+        dv,
+        z,
+        truth,
+        x,
+        P,
+        mu,
+        np.array(transition, dtype=float),
+        settings,
+        np.array(noise, dtype=float),
+        np.array([fading.FORMS[form] for form in forms]),
+        window,
+        stride,
+        sums,
+        series,
+        np.ascontiguousarray(rest),
+    )
+    sums /= steps
+    if records:
+        sums[6] *= steps / records
+    return sums, series[:records], P
