@@ -343,9 +343,7 @@ def _mission(
             _predict_state(x[j], theta[step], dv[step], height, dt, decay, f)
             if not aided:
                 continue
-            _predict_covariance(
-                P[j], f, dt, decay, q_velocity, q_attitude, q_current, column, left
-            )
+            _predict_covariance(P[j], f, dt, decay, q_velocity, q_attitude, q_current, column, left)
             axes = z.shape[1]
             gain[:] = 1.0
             if forms[j] != fading.NONE:

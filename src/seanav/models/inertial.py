@@ -146,7 +146,11 @@ def preintegrate(rotation, velocity, per_step, theta, dv):
             dy = uy + 0.5 * (az * ux - ax * uz) + (bz * ux - bx * uz + pz * ax - px * az) / 12.0
             dz = uz + 0.5 * (ax * uy - ay * ux) + (bx * uy - by * ux + px * ay - py * ax) / 12.0
             # s += C d, with d rotated by the quaternion: d + 2 q × (q × d + w d).
-            ex, ey, ez = y * dz - z * dy + w * dx, z * dx - x * dz + w * dy, x * dy - y * dx + w * dz
+            ex, ey, ez = (
+                y * dz - z * dy + w * dx,
+                z * dx - x * dz + w * dy,
+                x * dy - y * dx + w * dz,
+            )
             sx += dx + 2.0 * (y * ez - z * ey)
             sy += dy + 2.0 * (z * ex - x * ez)
             sz += dz + 2.0 * (x * ey - y * ex)
