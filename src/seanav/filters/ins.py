@@ -314,7 +314,7 @@ def _mission(
     f = np.zeros((COEFFICIENTS, LANES))
     column, left = np.zeros((N, LANES)), np.zeros((N + 1, N, LANES))
     h, u = np.zeros((8, LANES)), np.zeros((N, LANES))
-    rho, S, one = np.zeros(LANES), np.zeros(LANES), np.ones(LANES)
+    rho, S = np.zeros(LANES), np.zeros(LANES)
     squared, total, spread = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
     beta, gain = np.ones((models, LANES)), np.ones(LANES)
     nis = np.zeros((models, LANES))

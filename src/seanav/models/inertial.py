@@ -142,9 +142,13 @@ def preintegrate(rotation, velocity, per_step, theta, dv):
             ty = ay + (bz * ax - bx * az) / 12.0
             tz = az + (bx * ay - by * ax) / 12.0
             # Velocity increment in the axes at its start: rotation and sculling.
-            dx = ux + 0.5 * (ay * uz - az * uy) + (by * uz - bz * uy + py * az - pz * ay) / 12.0
-            dy = uy + 0.5 * (az * ux - ax * uz) + (bz * ux - bx * uz + pz * ax - px * az) / 12.0
-            dz = uz + 0.5 * (ax * uy - ay * ux) + (bx * uy - by * ux + px * ay - py * ax) / 12.0
+            cx, cy, cz = ay * uz - az * uy, az * ux - ax * uz, ax * uy - ay * ux
+            dx = ux + 0.5 * cx + (ay * cz - az * cy) / 6.0
+            dy = uy + 0.5 * cy + (az * cx - ax * cz) / 6.0
+            dz = uz + 0.5 * cz + (ax * cy - ay * cx) / 6.0
+            dx += (by * uz - bz * uy + py * az - pz * ay) / 12.0
+            dy += (bz * ux - bx * uz + pz * ax - px * az) / 12.0
+            dz += (bx * uy - by * ux + px * ay - py * ax) / 12.0
             # s += C d, with d rotated by the quaternion: d + 2 q × (q × d + w d).
             ex, ey, ez = (
                 y * dz - z * dy + w * dx,

@@ -120,7 +120,7 @@ class Scenario:
         )
 
     def initial_std(self):
-        """Standard deviations at the start of the 13 states before the current."""
+        """Return standard deviations at the start of the 13 states before the current."""
         errors, path = self.sensor_errors, self.path()
         R_n, R_t = earth.radii(path.latitude)
         metres = [R_n, R_t * math.cos(path.latitude)]
@@ -213,12 +213,12 @@ def optimal(sigma):
     return Filter("optimal EKF", (sigma,))
 
 
-def EKF(*sigma):  # noqa: N802 - the name of the field
+def EKF(*sigma):
     """Return the EKF (one sigma) or the IMM of EKFs (several)."""
     return Filter(("IMM-EKF " if len(sigma) > 1 else "EKF ") + label(sigma), sigma)
 
 
-def AFEKF(scenario, *sigma):  # noqa: N802 - the name of the field
+def AFEKF(scenario, *sigma):
     """Return the adaptive fading EKF (one sigma) or the IMM of such (several)."""
     name = ("IMM-AFEKF " if len(sigma) > 1 else "AFEKF ") + label(sigma)
     return Filter(name, sigma, scenario.fading_form)
