@@ -364,9 +364,10 @@ def fly(scenario, sensors, filter_, sigma_true, *, runs=LANES, stride=0):
     # One model needs no chain; several take the scenario's unless they bring their own.
     T, mu0 = ((1.0,),), (1.0,)
     if len(models) > 1:
-        T = filter_.transition or scenario.transition
-        mu0 = filter_.initial_probabilities or scenario.initial_probabilities
-        check_chain(T, mu0)
+        own = filter_.transition is not None
+        T = filter_.transition if own else scenario.transition
+        mu0 = filter_.initial_probabilities if own else scenario.initial_probabilities
+        T, mu0 = check_chain(T, mu0)
         if len(mu0) != len(models):
             allowed = f"must fit the {len(models)} models of {filter_.name}"
             raise checks.ParameterError("initial_probabilities", mu0, allowed)
