@@ -191,8 +191,10 @@ def test_tcep_and_rate_by_hand():
     some = _mission([[100.0, 100.0], [25.0, 25.0]])
     assert imm_scores.tcep(pure).value == pytest.approx(0.589 * 30)
     assert imm_scores.rate(some, pure, best).value == pytest.approx(100 * 15 / 28)
-    difference = imm_scores.rate_difference(some, pure, pure, best)
-    assert difference.value == pytest.approx(100 * 15 / 28)
+    first, second = (some, pure, best), (pure, pure, best)
+    assert imm_scores.rate_difference(first, second).value == pytest.approx(100 * 15 / 28)
+    zero = imm_scores.advantage_difference(first, second, first, second)
+    assert (zero.value, zero.se) == pytest.approx((0, 0))
 
 
 def test_intervals_of_rates_match_jackknife():
@@ -252,5 +254,5 @@ def test_bad_input_is_one_clear_line(change, line):
 
 def test_models_and_chain_must_fit(sensors):
     triple = study.EKF(0.1, 0.5, 1.0)
-    with pytest.raises(ParameterError, match="must fit the 3 models of IMM-EKF 0.1,0.5,1"):
+    with pytest.raises(ParameterError, match="must fit the 3 models of IMM-EKF"):
         _fly(sensors, triple)

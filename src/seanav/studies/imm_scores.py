@@ -61,20 +61,31 @@ def tcep_log_ratio(mission, other) -> Estimate:
     return montecarlo.from_influence(np.log(a / b), da / a - db / b)
 
 
-def rate(mission, pure, best) -> Estimate:
-    """Return the TCEP rate, equation (28), in percent, runs paired."""
+def _rate(mission, pure, best):
     (t, dt), (p, dp), (o, do) = _tcep(mission), _tcep(pure), _tcep(best)
     gain, range_ = p - t, p - o
     influence = ((dp - dt) - gain / range_ * (dp - do)) / range_
-    return montecarlo.from_influence(100 * gain / range_, 100 * influence)
+    return 100 * gain / range_, 100 * influence
 
 
-def rate_difference(mission, other, pure, best) -> Estimate:
-    """Return how many points of TCEP rate `mission` has more than `other`, runs paired."""
-    (t, dt), (s, ds), (p, dp), (o, do) = map(_tcep, (mission, other, pure, best))
-    range_ = p - o
-    influence = ((ds - dt) - (s - t) / range_ * (dp - do)) / range_
-    return montecarlo.from_influence(100 * (s - t) / range_, 100 * influence)
+def rate(mission, pure, best) -> Estimate:
+    """Return the TCEP rate, equation (28), in percent, runs paired."""
+    return montecarlo.from_influence(*_rate(mission, pure, best))
+
+
+def rate_difference(first, second) -> Estimate:
+    """Return the difference of two rates in points; each is (mission, pure, best)."""
+    (a, da), (b, db) = _rate(*first), _rate(*second)
+    return montecarlo.from_influence(a - b, da - db)
+
+
+def advantage_difference(first, second, third, fourth) -> Estimate:
+    """Return (rate 1 − rate 2) − (rate 3 − rate 4) in points; each as in `rate_difference`."""
+    values = [_rate(*one) for one in (first, second, third, fourth)]
+    signs = (1, -1, -1, 1)
+    value = sum(s * v for s, (v, _) in zip(signs, values, strict=True))
+    influence = sum(s * i for s, (_, i) in zip(signs, values, strict=True))
+    return montecarlo.from_influence(value, influence)
 
 
 def log_ratios(mission, other):
@@ -93,9 +104,52 @@ def mode(mission, model=0) -> Estimate:
     return montecarlo.mean(mission.means[9 + model])
 
 
+def mode_difference(mission, other) -> Estimate:
+    """Return the difference of the first mode probability of two missions, runs paired."""
+    return montecarlo.mean(mission.means[9] - other.means[9])
+
+
+def mode_contrast_difference(mission, other, sign) -> Estimate:
+    """Return how much more the modes of `mission` differ, (mu1 − mu2) · sign, than of `other`."""
+    return montecarlo.mean(2 * sign * (mission.means[9] - other.means[9]))
+
+
 def nis(mission) -> Estimate:
     """Return the mean normalised innovation squared; 1 (per axis) is right."""
     return montecarlo.mean(mission.means[5])
+
+
+def nees(mission) -> Estimate:
+    """Return the mean normalised estimation error squared over the records; 16 is right."""
+    return montecarlo.mean(mission.means[6])
+
+
+def radial_curves(mission):
+    """Return RMS, CEP and TCEP (m) against time, each of shape (records,)."""
+    north, east = mission.series[:, 0], mission.series[:, 1]
+    rms = np.sqrt((north**2 + east**2).mean(axis=1))
+    cep = np.median(np.hypot(north, east), axis=1)
+    count = np.arange(1, len(north) + 1)
+    squares_ = [np.cumsum((e**2).mean(axis=1)) / count for e in (north, east)]
+    return rms, cep, 0.589 * (np.sqrt(squares_[0]) + np.sqrt(squares_[1]))
+
+
+def falls(mission, first, last):
+    """Return ln(value at record `last` / at `first`) of the RMS and of the TCEP."""
+    squared = mission.series[:, :2] ** 2  # (records, 2, runs)
+    at = squared.sum(axis=1)
+    a, b = at[first], at[last]
+    rms = montecarlo.from_influence(
+        0.5 * np.log(b.mean() / a.mean()), 0.5 * (b / b.mean() - a / a.mean())
+    )
+    values, influences = [], []
+    for record in (first, last):
+        mean = squared[: record + 1].mean(axis=0)  # (2, runs)
+        root = np.sqrt(mean.mean(axis=1, keepdims=True))
+        values.append(root.sum())
+        influences.append(((mean - root**2) / (2 * root)).sum(axis=0) / root.sum())
+    tcep_ = montecarlo.from_influence(np.log(values[1] / values[0]), influences[1] - influences[0])
+    return rms, tcep_
 
 
 def crossing(grid, curve, level):
