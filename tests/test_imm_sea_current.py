@@ -183,7 +183,9 @@ def test_three_axes_help_and_stay_consistent():
 def _mission(mean_squares):
     means = np.zeros((10, len(mean_squares[0])))
     means[: len(mean_squares)] = mean_squares
-    return study.Mission(means, np.empty((0, 18, means.shape[1])))
+    return study.Mission(
+        means, np.empty((0, 18, means.shape[1])), np.empty((1, 136, means.shape[1]))
+    )
 
 
 def test_tcep_and_rate_by_hand():
@@ -205,7 +207,9 @@ def test_intervals_of_rates_match_jackknife():
 
     def without(r):
         keep = np.arange(400) != r
-        return imm_scores.rate(*(study.Mission(m.means[:, keep], m.series) for m in missions)).value
+        return imm_scores.rate(
+            *(study.Mission(m.means[:, keep], m.series, m.P) for m in missions)
+        ).value
 
     leave = np.array([without(r) for r in range(400)])
     se = math.sqrt(399 / 400 * ((leave - leave.mean()) ** 2).sum())

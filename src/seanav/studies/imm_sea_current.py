@@ -319,11 +319,13 @@ def _truth(path):
 class Mission:
     """One batch flown by one filter: see `seanav.filters.ins.fly`; idle lanes removed.
 
-    Shapes: means (9 + models, runs), series (records, 17 + models, runs).
+    Shapes: means (9 + models, runs), series (records, 17 + models, runs),
+    P (models, 136, runs), packed, at the end.
     """
 
     means: np.ndarray
     series: np.ndarray
+    P: np.ndarray
 
 
 def fly(scenario, sensors, filter_, sigma_true, *, runs=LANES, stride=0):
@@ -375,7 +377,7 @@ def fly(scenario, sensors, filter_, sigma_true, *, runs=LANES, stride=0):
     if stride:
         bias = np.broadcast_to(sensors.bias, (steps // stride, 6, LANES))
         rest = np.concatenate([bias, current[stride - 1 :: stride]], axis=1)
-    means, series, _ = ins.fly(
+    means, series, P = ins.fly(
         sensors.theta,
         sensors.dv,
         z,
@@ -396,7 +398,7 @@ def fly(scenario, sensors, filter_, sigma_true, *, runs=LANES, stride=0):
         stride=stride,
         true_rest=rest,
     )
-    return Mission(means[:, :runs], series[..., :runs])
+    return Mission(means[:, :runs], series[..., :runs], P[..., :runs])
 
 
 def _start(path):
@@ -434,6 +436,7 @@ def fly_all(scenario, jobs, *, stride=0, threads=None, client=None, label=None):
         Mission(
             np.concatenate([batch[job].means for batch in done], axis=-1),
             np.concatenate([batch[job].series for batch in done], axis=-1),
+            np.concatenate([batch[job].P for batch in done], axis=-1),
         )
         for job in range(len(jobs))
     ]
