@@ -93,7 +93,6 @@ def tcep_and_rate(grid, results, names, linear=None):
     right.axhline(90, color="0.6", lw=0.8, ls=":")
     right.set(xlabel=r"$\sigma_T$ (m/s)", ylabel="TCEP rate (%)", title="(b)")
     left.legend(fontsize=7)
-    fig.tight_layout()
     return fig
 
 
@@ -114,7 +113,6 @@ def modes(grid, results, names):
         axis.set(xlabel=r"$\sigma_T$ (m/s)", ylabel=f"probability of sub-filter {model + 1}")
         axis.set(ylim=(0, 1), title="(a)" if model == 0 else "(b)")
         axis.legend(fontsize=7)
-    fig.tight_layout()
     return fig
 
 
@@ -129,7 +127,6 @@ def rates(grid, results, names, title):
     axis.axhline(90, color="0.6", lw=0.8, ls=":")
     axis.set(xlabel=r"$\sigma_T$ (m/s)", ylabel="TCEP rate (%)", title=title)
     axis.legend(fontsize=7)
-    fig.tight_layout()
     return fig
 
 
@@ -144,7 +141,6 @@ def lines(x, curves, xlabel, ylabel, *, log=False, vertical=None):
     if log:
         axis.set_yscale("log")
     axis.legend(fontsize=7)
-    fig.tight_layout()
     return fig
 
 
@@ -159,5 +155,4 @@ def bars(names, values, xlabel, *, log=False, mark=None):
         axis.set_xscale("log")
     if mark is not None:
         axis.axvline(mark, color="k", ls=":")
-    fig.tight_layout()
     return fig

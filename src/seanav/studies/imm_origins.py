@@ -14,6 +14,8 @@ _ORIGINS = {
         "the shape that explains Tables 2 and 3; chosen by looking at them",
     ),
     "corner_radius": ("m", "derived", "as the trajectory; of little effect"),
+    "sides": ("", "assumed", "of polygon and laps only"),
+    "laps": ("", "assumed", "of laps only"),
     "accelerometer_bias_mg": ("mg", "text", "Table 1; read as 1 sigma per run and axis: assumed"),
     "accelerometer_noise_mg": ("mg/√Hz", "text", "Table 1"),
     "gyro_bias_deg_h": ("deg/h", "text", "Table 1; read as 1 sigma per run and axis: assumed"),

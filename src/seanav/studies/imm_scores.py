@@ -40,6 +40,12 @@ def cells(mission):
     return [montecarlo.root_mean_square(row) for row in squares(mission)]
 
 
+def position_rms(mission):
+    """Return the RMS position error in metres, infinite for a filter that blew up."""
+    value = float(np.sqrt(squares(mission)[0].mean()))
+    return value if np.isfinite(value) else float("inf")
+
+
 def _tcep(mission):
     """TCEP, equation (27), and its influence per run."""
     value, influence = 0.0, 0.0

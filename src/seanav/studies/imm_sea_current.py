@@ -38,6 +38,8 @@ class Scenario:
     longitude_deg: float = 127.0
     trajectory: str = "square"
     corner_radius: float = 300.0
+    sides: int = 4
+    laps: int = 1
     accelerometer_bias_mg: float = 0.05
     accelerometer_noise_mg: float = 0.01  # mg/√Hz
     gyro_bias_deg_h: float = 0.02
@@ -107,6 +109,8 @@ class Scenario:
             self.latitude_deg,
             self.longitude_deg,
             self.corner_radius,
+            self.sides,
+            self.laps,
         )
 
     @property
@@ -161,7 +165,7 @@ def check_chain(transition, initial):
 
 
 @lru_cache(maxsize=4)
-def _path(shape, duration, speed_kn, latitude_deg, longitude_deg, corner_radius):
+def _path(shape, duration, speed_kn, latitude_deg, longitude_deg, corner_radius, sides, laps):
     return Trajectory(
         shape=shape,
         duration=duration,
@@ -169,6 +173,8 @@ def _path(shape, duration, speed_kn, latitude_deg, longitude_deg, corner_radius)
         latitude=math.radians(latitude_deg),
         longitude=math.radians(longitude_deg),
         corner_radius=corner_radius,
+        sides=sides,
+        laps=laps,
     )
 
 
