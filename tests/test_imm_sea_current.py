@@ -143,6 +143,18 @@ def test_wrong_correlation_time_reduces_to_the_right_one():
     assert imm_linear.wrong_time(scenario, 0.5, 600.0, 0.3, 7200.0) > right
 
 
+def test_wrong_correlation_time_matches_flown_missions():
+    scenario = dataclasses.replace(SHORT, runs=320, initial_current="stationary")
+    hasty = study.Filter("hasty", (0.5,), correlation_time_s=100.0)
+    (flown,) = study.fly_all(scenario, [(hasty, SIGMA)])
+    exact = imm_linear.wrong_time(scenario, 0.5, 100.0, SIGMA, scenario.correlation_time_s)
+    tcep = imm_scores.tcep(flown)
+    assert abs(tcep.value - exact) < 3.5 * tcep.se
+    # With the decay of the true current the wrong way round it would be far off.
+    wrong = imm_linear.wrong_time(scenario, 0.5, 100.0, SIGMA, 100.0)
+    assert abs(tcep.value - wrong) > 3.5 * tcep.se
+
+
 def test_turning_the_square_by_half_a_turn_changes_little():
     scores = []
     for heading in (math.pi / 2, -math.pi / 2):

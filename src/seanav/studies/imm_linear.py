@@ -46,20 +46,23 @@ def model(path, correlation_time, *, wrong_time=False):
     return Phi, H
 
 
-def _noise(scenario, variance):
+def process_noise(scenario, variance):
+    """Return the diagonal of Q per second, (18,), with the current's own `variance`."""
     errors = scenario.sensor_errors
     sensors = [0.0] * 3 + [errors.accelerometer_noise**2] * 2 + [0.0]
     return np.array(sensors + [errors.gyro_noise**2] * 3 + [0.0] * 6 + [variance] * 3)
 
 
-def _start(scenario, sigma):
+def believed_start(scenario, sigma):
+    """Return the covariance that a filter starts with, (18, 18)."""
     std = scenario.initial_std()
     held = np.array([*std[:2], 0.0, *std[2:4], 0.0, *std[4:]])
     return np.diag(np.r_[held**2, [sigma**2] * 3])
 
 
-def _true_start(scenario, sigma):
-    M = _start(scenario, sigma if scenario.initial_current == "stationary" else 0.0)
+def true_start(scenario, sigma):
+    """Return the true second moment of the errors at the start, (18, 18)."""
+    M = believed_start(scenario, sigma if scenario.initial_current == "stationary" else 0.0)
     if scenario.initial_errors == "none":
         M[:9, :9] = 0.0
     return M
@@ -72,7 +75,9 @@ def gains(scenario, sigma_filter, correlation_time=None):
     Phi, H = model(scenario.path(), T_c)
     q = currents.decay(1.0, T_c)[1] * sigma_filter**2
     R = scenario.log_noise**2
-    return linear_covariance.design(Phi, _noise(scenario, q), H, R, _start(scenario, sigma_filter))
+    return linear_covariance.design(
+        Phi, process_noise(scenario, q), H, R, believed_start(scenario, sigma_filter)
+    )
 
 
 @lru_cache(maxsize=16)
@@ -88,7 +93,7 @@ def mean_squares(scenario, sigma_filter):
 
     def moments(sigma):
         M = linear_covariance.achieve(
-            Phi, _noise(scenario, q * sigma**2), H, R, _true_start(scenario, sigma), K
+            Phi, process_noise(scenario, q * sigma**2), H, R, true_start(scenario, sigma), K
         )
         return np.einsum("kii->ki", M)
 
@@ -123,8 +128,8 @@ def twin(scenario, sigma_filter, sigma_true, runs):
     Phi, H = model(scenario.path(), scenario.correlation_time_s)
     K, _ = gains(scenario, sigma_filter)
     q = currents.decay(1.0, scenario.correlation_time_s)[1] * sigma_true**2
-    spread = np.sqrt(_noise(scenario, q))
-    start = np.sqrt(np.diag(_true_start(scenario, sigma_true)))
+    spread = np.sqrt(process_noise(scenario, q))
+    start = np.sqrt(np.diag(true_start(scenario, sigma_true)))
     generators = montecarlo.streams(scenario.seed, "linear twin", runs)
     e = np.stack([start * one.standard_normal(18) for one in generators], axis=1)
     totals, scale = np.zeros((4, runs)), metres(scenario)
@@ -166,9 +171,9 @@ def wrong_time(scenario, sigma_filter, time_filter, sigma_true, time_true):
     back = np.linalg.inv(change)
     Phi = change @ Phi @ back
     H, K = H @ back, K @ change.T
-    Q = np.r_[_noise(scenario, 0.0), [q] * 3]
+    Q = np.r_[process_noise(scenario, 0.0), [q] * 3]
     M0 = np.zeros((21, 21))
-    M0[:18, :18] = _true_start(scenario, 0.0)
+    M0[:18, :18] = true_start(scenario, 0.0)
     if scenario.initial_current == "stationary":
         M0[18:, 18:] = np.eye(3) * sigma_true**2
     M = linear_covariance.achieve(Phi, Q, H, scenario.log_noise**2, M0, K)
