@@ -1,0 +1,107 @@
+"""Speed of paper 4: filter steps, the whole sweep, memory. Figures to read, nothing passes.
+
+The kernels and filterpy's filters take turns in one process; each figure is the least of its
+turns. `python benchmarks/bench_imm_sea_current.py short` leaves the whole sweep out.
+"""
+
+import resource
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from filterpy.kalman import IMMEstimator, KalmanFilter
+from matplotlib.figure import Figure
+
+from seanav.studies import imm_linear
+from seanav.studies import imm_sea_current as study
+
+TURNS, STEPS = 5, 400
+
+
+def cpu(function):
+    """Return the CPU time of one call in this thread, s."""
+    start = time.thread_time()
+    function()
+    return time.thread_time() - start
+
+
+def theirs(scenario, sigma):
+    """Return filterpy's 18-state filter."""
+    Phi, H = imm_linear.model(scenario.path(), scenario.correlation_time_s)
+    one = KalmanFilter(dim_x=18, dim_z=1)
+    one.F, one.H, one.R = Phi[0], H[0][None], np.array([[scenario.log_noise**2]])
+    one.Q = np.diag(imm_linear.process_noise(scenario, 1e-4 * sigma**2))
+    one.P = imm_linear.believed_start(scenario, sigma) + 1e-18 * np.eye(18)
+    return one
+
+
+def steps(filter_):
+    """Advance one of filterpy's filters."""
+    z = np.zeros((1, 1))
+    for _ in range(STEPS):
+        filter_.predict()
+        filter_.update(z)
+
+
+def main():
+    """Print the figures."""
+    scenario = study.Scenario()
+    sensors = study.sense(scenario, 0)
+    ours = {
+        "EKF": (study.EKF(0.1), 1.5),
+        "AFEKF": (study.AFEKF(scenario, 0.1), 1.5),
+        "IMM of two AFEKFs": (study.AFEKF(scenario, 0.1, 0.5), 4.0),
+    }
+    pair = [theirs(scenario, 0.1), theirs(scenario, 0.5)]
+    chain = np.array(scenario.transition)
+    references = {
+        "filterpy KF": theirs(scenario, 0.1),
+        "filterpy IMM of two": IMMEstimator(pair, np.array([0.5, 0.5]), chain),
+    }
+    for filter_, _ in ours.values():
+        study.fly(scenario, sensors, filter_, 0.5)  # compiles
+    missions = study.LANES * scenario.duration_s
+    best = dict.fromkeys([*ours, *references], np.inf)
+    for _ in range(TURNS):
+        for name, (filter_, _) in ours.items():
+            spent = cpu(lambda f=filter_: study.fly(scenario, sensors, f, 0.5)) / missions
+            best[name] = min(best[name], spent)
+        for name, filter_ in references.items():
+            best[name] = min(best[name], cpu(lambda f=filter_: steps(f)) / STEPS)
+    print(f"{'18 states, per step':24} {'CPU (µs)':>9} {'target (µs)':>12}")
+    for name, spent in best.items():
+        print(f"{name:24} {spent * 1e6:9.2f} {ours[name][1] if name in ours else '':>12}")
+    for mine, other in (("EKF", "filterpy KF"), ("IMM of two AFEKFs", "filterpy IMM of two")):
+        print(f"{mine}: {best[other] / best[mine]:.0f} times faster than {other}")
+    print(f"IMM of two against one EKF: {best['IMM of two AFEKFs'] / best['EKF']:.1f} times")
+
+    counts, spent = (16, 32, 64, 128), []
+    for runs in counts:
+        some = replace(scenario, runs=runs, duration_s=600.0)
+        spent.append(cpu(lambda s=some: study.fly_all(s, [(study.EKF(0.1), 0.5)], threads=1)))
+    figure = Figure(layout="constrained")
+    axis = figure.add_subplot(xlabel="runs", ylabel="CPU time (s)", title="ten-minute missions")
+    axis.plot(counts, spent, "o-")
+    target = Path(__file__).parents[1] / "build" / "bench_imm_sea_current.png"
+    target.parent.mkdir(exist_ok=True)
+    figure.savefig(target)
+    per_run = ", ".join(f"{1e3 * s / n:.1f}" for n, s in zip(counts, spent, strict=True))
+    print(f"CPU time per run for {counts} runs: {per_run} ms (build/{target.name})")
+
+    if "short" not in sys.argv:
+        start, wall = time.process_time(), time.perf_counter()
+        results = study.sweep(scenario)
+        start, wall = time.process_time() - start, time.perf_counter() - wall
+        flown = sum(name.startswith("IMM") + 1 for name in results if not name.startswith("pure"))
+        flown *= len(scenario.sigma_true) * scenario.runs
+        print(
+            f"sweep of {flown} filter missions: {start:.0f} s CPU, {wall:.0f} s (target 200 s CPU)"
+        )
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"peak memory of this process: {peak:.0f} MB (target 2048)")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,108 @@
+"""What a Kalman filter with a wrong model really does: exact second moments.
+
+The gains are those of the filter's own model; the error they cause under the true model
+is followed through the same linear recursion. Both moments are linear in the true noise,
+so the mean square for a true strength s of one source is A + s² B.
+
+Source: P. S. Maybeck, *Stochastic Models, Estimation, and Control*, vol. 1, Academic
+Press, 1979, section 6.8.
+"""
+
+import numpy as np
+
+from seanav._compile import kernel
+
+
+@kernel
+def _sandwich(Phi, P, Q, work, out):
+    n = P.shape[0]
+    for i in range(n):
+        for j in range(n):
+            work[i, j] = 0.0
+        for k in range(n):
+            if Phi[i, k] != 0.0:
+                for j in range(n):
+                    work[i, j] += Phi[i, k] * P[k, j]
+    for i in range(n):
+        for j in range(i + 1):
+            out[j, i] = Q[i] if i == j else 0.0
+        for k in range(n):
+            if Phi[i, k] != 0.0:
+                for j in range(i + 1):
+                    out[j, i] += work[j, k] * Phi[i, k]
+        # Mirrored: rounding must not make it unsymmetric, which grows.
+        for j in range(i):
+            out[i, j] = out[j, i]
+
+
+@kernel
+def _design(Phi, Q, H, R, P0, gains, covariances):
+    n = P0.shape[0]
+    P, work, u = P0.copy(), np.empty((n, n)), np.empty(n)
+    prior = np.empty((n, n))
+    covariances[0] = P
+    for step in range(Phi.shape[0]):
+        _sandwich(Phi[step], P, Q, work, prior)
+        S = R
+        for i in range(n):
+            u[i] = 0.0
+            for j in range(n):
+                u[i] += prior[i, j] * H[step, j]
+        for i in range(n):
+            S += H[step, i] * u[i]
+        for i in range(n):
+            gains[step, i] = u[i] / S
+            for j in range(n):
+                P[i, j] = prior[i, j] - u[i] * u[j] / S
+        covariances[step + 1] = P
+
+
+@kernel
+def _achieve(Phi, Q, H, R, M0, gains, moments):
+    n = M0.shape[0]
+    M, work, u = M0.copy(), np.empty((n, n)), np.empty(n)
+    prior = np.empty((n, n))
+    moments[0] = M
+    for step in range(Phi.shape[0]):
+        _sandwich(Phi[step], M, Q, work, prior)
+        S = R
+        for i in range(n):
+            u[i] = 0.0
+            for j in range(n):
+                u[i] += prior[i, j] * H[step, j]
+        for i in range(n):
+            S += H[step, i] * u[i]
+        for i in range(n):
+            for j in range(n):
+                ki, kj = gains[step, i], gains[step, j]
+                M[i, j] = prior[i, j] - ki * u[j] - u[i] * kj + ki * S * kj
+        moments[step + 1] = M
+
+
+def design(Phi, Q, H, R, P0):
+    """Return gains (steps, n) and covariances (steps + 1, n, n) of the filter's own model.
+
+    Parameters
+    ----------
+    Phi : (steps, n, n)
+    Q : (n,)
+        Diagonal of the process noise per step.
+    H : (steps, n)
+        Row of the one measurement at the end of each step.
+    R : float
+    P0 : (n, n)
+    """
+    gains = np.empty_like(H)
+    covariances = np.empty((len(Phi) + 1, *P0.shape))
+    _design(Phi, Q, H, float(R), P0, gains, covariances)
+    return gains, covariances
+
+
+def achieve(Phi, Q, H, R, M0, gains):
+    """Return the true second moments (steps + 1, n, n) of the error under given `gains`.
+
+    Arguments as in `design`, but of the true world; gains 0 is a filter without updates.
+    """
+    moments = np.empty((len(Phi) + 1, *M0.shape))
+    _achieve(Phi, Q, H, float(R), M0, gains, moments)
+    return moments

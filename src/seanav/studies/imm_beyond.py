@@ -1,0 +1,115 @@
+"""Paper 4, beyond the paper: chains, starts, three models, a changing sea, assumptions."""
+
+import dataclasses
+from dataclasses import replace
+
+import numpy as np
+
+from seanav import montecarlo
+from seanav.filters import fading
+from seanav.studies import imm_linear, imm_scores
+from seanav.studies import imm_sea_current as study
+
+GRID = (0.05, 0.1, 0.3, 0.6, 1.0)
+STAY = (0.8, 0.9, 0.95, 0.98)
+
+
+def chain(p, models=2):
+    """Return a transition matrix whose diagonal is p, the rest shared evenly."""
+    T = np.full((models, models), (1.0 - p) / (models - 1))
+    np.fill_diagonal(T, p)
+    return tuple(map(tuple, T.tolist()))
+
+
+def with_chain(filter_, p):
+    """Return an IMM with another p and even initial probabilities."""
+    models = len(filter_.sigma)
+    return replace(
+        filter_,
+        name=f"{filter_.name} p={p:g}",
+        transition=chain(p, models),
+        initial_probabilities=(1.0 / models,) * models,
+    )
+
+
+def chains(scenario):
+    """Fly the IMMs of the paper with every p of `STAY`, the current starting at zero."""
+    scenario = replace(scenario, initial_current="zero")
+    pairs = [study.AFEKF(scenario, scenario.sigma_filter[0], s) for s in scenario.sigma_filter[1:]]
+    filters = [with_chain(pair, p) for pair in pairs for p in STAY]
+    return study.sweep(scenario, filters, GRID, label="transition matrix")
+
+
+def stationary(scenario):
+    """Fly the IMMs of the paper with the current starting from its stationary law."""
+    scenario = replace(scenario, initial_current="stationary")
+    pairs = [study.AFEKF(scenario, scenario.sigma_filter[0], s) for s in scenario.sigma_filter[1:]]
+    return study.sweep(scenario, pairs, GRID, label="initial current")
+
+
+def three(scenario):
+    """Fly IMMs of three models, with fading and without."""
+    both = (study.AFEKF(scenario, 0.1, 0.5, 1.0), study.EKF(0.1, 0.5, 1.0))
+    filters = [replace(with_chain(f, 0.9), name=f.name) for f in both]
+    return study.sweep(scenario, filters, GRID, label="three models")
+
+
+def changing(scenario, low=0.1, high=0.8, stride=60):
+    """Fly a mission whose current grows from `low` to `high` (m/s) at half time.
+
+    Returns
+    -------
+    dict of name to Mission with series
+    """
+    steps = int(scenario.duration_s)
+    sigma = np.where(np.arange(steps) < steps // 2, low, high)
+    filters = [study.EKF(0.1), study.AFEKF(scenario, 0.1), study.EKF(0.5)]
+    filters += [study.AFEKF(scenario, 0.1, 0.5), study.EKF(0.1, 0.5)]
+    missions = study.fly_all(scenario, [(f, sigma) for f in filters], stride=stride)
+    return {f.name: mission for f, mission in zip(filters, missions, strict=True)}
+
+
+def forms(scenario, sigma_filter=0.1, sigmas=(0.05, 1.0)):
+    """Fly one adaptive filter in every fading form; {form: [Mission per true sigma]}."""
+    made = {form: study.Filter(form, (sigma_filter,), form) for form in fading.FORMS}
+    jobs = [(one, sigma) for one in made.values() for sigma in sigmas]
+    missions = iter(study.fly_all(scenario, jobs, label="fading forms"))
+    return {form: [next(missions) for _ in sigmas] for form in made}
+
+
+def assumptions(scenario):
+    """Return the table rows (what, RMS of ln(ours / printed)) of the EKF cells, linear.
+
+    Each row changes one assumed value of the scenario.
+    """
+    start = {"initial_position_m": 10.0, "initial_velocity": 1e-2}
+    tilt = {"initial_tilt_rad": 1e-5, "initial_heading_rad": 1e-4}
+    variants = [
+        ("as assumed", {}),
+        ("current starts from its stationary law", {"initial_current": "stationary"}),
+        ("circle", {"trajectory": "circle"}),
+        ("straight", {"trajectory": "straight"}),
+        ("corner radius 100 m", {"corner_radius": 100.0}),
+        ("corner radius 1000 m", {"corner_radius": 1000.0}),
+        ("initial position and velocity 10 times worse", start),
+        ("initial tilt 10, heading 100 times worse", tilt),
+        ("the same, drawn", {**tilt, **start, "initial_errors": "drawn"}),
+        ("correlation time 1 h", {"correlation_time_s": 3600.0}),
+        ("correlation time 4 h", {"correlation_time_s": 14400.0}),
+    ]
+
+    def one(variant):
+        name, change = variant
+        return name, table_distance(dataclasses.replace(scenario, **change))
+
+    return montecarlo.parallel_map(one, variants, label="assumptions")
+
+
+def table_distance(scenario):
+    """Return the RMS of ln(ours / printed) of the 16 EKF cells by linear covariance."""
+    logs = []
+    for table, sigma in imm_scores.PRINTED_SIGMA.items():
+        for one in (0.1, 0.5):
+            ours = imm_linear.scores(scenario, one, sigma)[:4]
+            logs.append(np.log(ours / imm_scores.PRINTED[table][f"EKF {one:g}"]))
+    return float(np.sqrt(np.mean(np.square(logs))))

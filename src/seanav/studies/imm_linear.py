@@ -1,0 +1,181 @@
+"""Paper 4 by linear covariance: what the EKFs do on average, without a random number.
+
+Exact for the linearised model with gains on the true path; see
+`seanav.filters.linear_covariance`.
+"""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from seanav import montecarlo
+from seanav.filters import linear_covariance
+from seanav.models import currents, earth, inertial
+
+COLUMNS = ("position_m", "velocity_m_s", "levelling_deg", "heading_deg")
+
+
+@lru_cache(maxsize=4)
+def model(path, correlation_time, *, wrong_time=False):
+    """Return Phi (steps, n, n) and H (steps, n) along the true path.
+
+    n is 18; with `wrong_time` it is 21: three more states for the true current, whose
+    correlation time is then not that of the filter (see `mean_squares`).
+    """
+    latitude, _, v_n, heading = path.states()
+    steps = len(latitude) - 1
+    middle = path.course(np.arange(steps) + 0.5)[0]
+    felt = path.increments()[1].reshape(steps, -1, 3).sum(axis=1)
+    n = inertial.STATES + (3 if wrong_time else 0)
+    Phi, H = np.zeros((steps, n, n)), np.zeros((steps, n))
+    Phi[:] = np.eye(n)
+    s, c = np.sin(middle), np.cos(middle)
+    for k in range(steps):
+        C_bn = np.array([[c[k], -s[k], 0.0], [s[k], c[k], 0.0], [0.0, 0.0, 1.0]])
+        position = (0.5 * (latitude[k] + latitude[k + 1]), 0.0, 0.0)
+        v = path.speed * C_bn[:, 0]
+        F = inertial.error_dynamics(position, v, C_bn, C_bn @ felt[k], correlation_time)
+        Phi[k, :15, :15] += F[:15, :15] + 0.5 * F[:15, :15] @ F[:15, :15]
+    a, _ = currents.decay(1.0, correlation_time)
+    Phi[:, range(15, 18), range(15, 18)] = a
+    ahead = np.stack([np.cos(heading), np.sin(heading), np.zeros(steps + 1)], axis=1)[1:]
+    H[:, 3:5] = ahead[:, :2]
+    H[:, 6:9] = -np.cross(ahead, v_n[1:])
+    H[:, 15:18] = -ahead
+    return Phi, H
+
+
+def process_noise(scenario, variance):
+    """Return the diagonal of Q per second, (18,), with the current's own `variance`."""
+    errors = scenario.sensor_errors
+    sensors = [0.0] * 3 + [errors.accelerometer_noise**2] * 2 + [0.0]
+    return np.array(sensors + [errors.gyro_noise**2] * 3 + [0.0] * 6 + [variance] * 3)
+
+
+def believed_start(scenario, sigma):
+    """Return the covariance that a filter starts with, (18, 18)."""
+    std = scenario.initial_std()
+    held = np.array([*std[:2], 0.0, *std[2:4], 0.0, *std[4:]])
+    return np.diag(np.r_[held**2, [sigma**2] * 3])
+
+
+def true_start(scenario, sigma):
+    """Return the true second moment of the errors at the start, (18, 18)."""
+    M = believed_start(scenario, sigma if scenario.initial_current == "stationary" else 0.0)
+    if scenario.initial_errors == "none":
+        M[:9, :9] = 0.0
+    return M
+
+
+@lru_cache(maxsize=8)
+def gains(scenario, sigma_filter, correlation_time=None):
+    """Return the gains (steps, 18) and covariances (steps + 1, 18, 18) of one EKF."""
+    T_c = correlation_time or scenario.correlation_time_s
+    Phi, H = model(scenario.path(), T_c)
+    q = currents.decay(1.0, T_c)[1] * sigma_filter**2
+    R = scenario.log_noise**2
+    return linear_covariance.design(
+        Phi, process_noise(scenario, q), H, R, believed_start(scenario, sigma_filter)
+    )
+
+
+@lru_cache(maxsize=16)
+def mean_squares(scenario, sigma_filter):
+    """Return A and B, (steps + 1, 18) each: mean squares of the errors are A + sigma_T² B.
+
+    `sigma_filter` None is pure navigation.
+    """
+    Phi, H = model(scenario.path(), scenario.correlation_time_s)
+    K = np.zeros_like(H) if sigma_filter is None else gains(scenario, sigma_filter)[0]
+    q = currents.decay(1.0, scenario.correlation_time_s)[1]
+    R = scenario.log_noise**2
+
+    def moments(sigma):
+        M = linear_covariance.achieve(
+            Phi, process_noise(scenario, q * sigma**2), H, R, true_start(scenario, sigma), K
+        )
+        return np.einsum("kii->ki", M)
+
+    A = moments(0.0)
+    return A, moments(1.0) - A
+
+
+def metres(scenario):
+    """Return metres per radian of latitude and longitude, (steps + 1, 2)."""
+    latitude = scenario.path().states()[0]
+    R_n, R_t = np.vectorize(earth.radii)(latitude)
+    return np.stack([R_n, R_t * np.cos(latitude)], axis=1)
+
+
+def scores(scenario, sigma_filter, sigma_true):
+    """Return RMS position (m), velocity (m/s), levelling and heading (deg), and TCEP (m)."""
+    A, B = mean_squares(scenario, sigma_filter)
+    M = A[1:] + sigma_true**2 * B[1:]
+    north, east = (M[:, :2] * metres(scenario)[1:] ** 2).mean(axis=0)
+    v = math.sqrt(M[:, 3:5].sum(axis=1).mean())
+    levelling, heading = math.sqrt(M[:, 6:8].sum(axis=1).mean()), math.sqrt(M[:, 8].mean())
+    rms = (math.hypot(math.sqrt(north), math.sqrt(east)), v)
+    tcep = 0.589 * (math.sqrt(north) + math.sqrt(east))
+    return np.array([*rms, math.degrees(levelling), math.degrees(heading), tcep])
+
+
+def twin(scenario, sigma_filter, sigma_true, runs):
+    """Simulate the linear error equations themselves; return mean squares (4, runs).
+
+    The rows are those of `COLUMNS`, over time: m², (m/s)², rad², rad².
+    """
+    Phi, H = model(scenario.path(), scenario.correlation_time_s)
+    K, _ = gains(scenario, sigma_filter)
+    q = currents.decay(1.0, scenario.correlation_time_s)[1] * sigma_true**2
+    spread = np.sqrt(process_noise(scenario, q))
+    start = np.sqrt(np.diag(true_start(scenario, sigma_true)))
+    generators = montecarlo.streams(scenario.seed, "linear twin", runs)
+    e = np.stack([start * one.standard_normal(18) for one in generators], axis=1)
+    totals, scale = np.zeros((4, runs)), metres(scenario)
+    steps = len(H)
+    block = 600
+    for first in range(0, steps, block):
+        count = min(block, steps - first)
+        noise = np.stack([one.standard_normal((count, 19)) for one in generators], axis=2)
+        for k in range(first, first + count):
+            e = Phi[k] @ e + spread[:, None] * noise[k - first, :18]
+            rho = H[k] @ e + scenario.log_noise * noise[k - first, 18]
+            e = e - np.outer(K[k], rho)
+            totals[0] += ((e[:2] * scale[k + 1][:, None]) ** 2).sum(axis=0)
+            totals[1] += (e[3:5] ** 2).sum(axis=0)
+            totals[2] += (e[6:8] ** 2).sum(axis=0)
+            totals[3] += e[8] ** 2
+    return totals / steps
+
+
+def wrong_time(scenario, sigma_filter, time_filter, sigma_true, time_true):
+    """Return the TCEP (m) of an EKF whose correlation time is wrong as well.
+
+    The error in the current then follows δ' = a δ + (a − a_true) v_c − w: the true current
+    joins the state, 21 in all.
+    """
+    Phi, H = model(scenario.path(), time_filter, wrong_time=True)
+    K = np.zeros_like(H)
+    K[:, :18] = gains(scenario, sigma_filter, time_filter)[0]
+    a, _ = currents.decay(1.0, time_filter)
+    a_true, variance = currents.decay(1.0, time_true)
+    Phi = Phi.copy()
+    Phi[:, range(18, 21), range(18, 21)] = a_true
+    Phi[:, range(15, 18), range(18, 21)] = a - a_true
+    q = variance * sigma_true**2
+    # The same noise w drives both: a change of variables, v_c + δ = estimate, keeps Q diagonal.
+    # States 15..17 become the estimate of the current, which no noise drives.
+    change = np.eye(21)
+    change[15:18, 18:21] = np.eye(3)  # estimate = δ + v_c
+    back = np.linalg.inv(change)
+    Phi = change @ Phi @ back
+    H, K = H @ back, K @ change.T
+    Q = np.r_[process_noise(scenario, 0.0), [q] * 3]
+    M0 = np.zeros((21, 21))
+    M0[:18, :18] = true_start(scenario, 0.0)
+    if scenario.initial_current == "stationary":
+        M0[18:, 18:] = np.eye(3) * sigma_true**2
+    M = linear_covariance.achieve(Phi, Q, H, scenario.log_noise**2, M0, K)
+    M = np.einsum("kii->ki", M)[1:, :2] * metres(scenario)[1:] ** 2
+    return 0.589 * np.sqrt(M.mean(axis=0)).sum()
