@@ -76,7 +76,7 @@ def test_mixture_has_the_moments_of_the_mixture():
     i, j = np.triu_indices(size)
     P = np.ascontiguousarray(full[:, :, i, j].transpose(0, 2, 1))
     mean, packed = np.empty((size, runs)), np.empty((len(i), runs))
-    imm.mix(weights, d, P, mean, packed, np.empty((size + 1, runs)))
+    imm.mix(weights, d, P, mean, packed, np.empty((size, runs)))
     for r in range(runs):
         m = np.einsum("m,mk->k", weights[:, r], d[:, :, r])
         second = sum(
@@ -100,7 +100,7 @@ def _linear_imm(z, F, Q, H, R, T, mu0, x0, P0):
         mixed = []
         for m in range(models):
             mean, covariance = np.empty((n, 1)), np.empty((len(i), 1))
-            imm.mix(weights[m], x, packed, mean, covariance, np.empty((n + 1, 1)))
+            imm.mix(weights[m], x, packed, mean, covariance, np.empty((n, 1)))
             full = np.zeros((n, n))
             full[i, j] = full[j, i] = covariance[:, 0]
             mixed.append((mean[:, 0], full))

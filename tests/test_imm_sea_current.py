@@ -9,7 +9,7 @@ from scipy import stats
 
 from seanav.checks import ParameterError
 from seanav.models import currents
-from seanav.studies import imm_linear, imm_scores
+from seanav.studies import imm_appendix, imm_beyond, imm_linear, imm_scores
 from seanav.studies import imm_sea_current as study
 
 SHORT = study.Scenario(runs=16, duration_s=1200.0, seed=11)
@@ -77,7 +77,7 @@ def test_matched_filter_carries_the_linear_covariance():
     sensors = study.sense(scenario, 0)
     path = scenario.path()
     z_free = study.fly(scenario, sensors, study.EKF(SIGMA), SIGMA, stride=1200)
-    assert z_free.series.shape == (1, 18, 8)
+    assert z_free.series.shape == (1, 18, study.LANES)
     # The NEES of the kernel's own P and of the linear covariance agree on the same error.
     from seanav.filters import ins
 
@@ -144,15 +144,17 @@ def test_wrong_correlation_time_reduces_to_the_right_one():
 
 
 def test_wrong_correlation_time_matches_flown_missions():
-    scenario = dataclasses.replace(SHORT, runs=320, initial_current="stationary")
-    hasty = study.Filter("hasty", (0.5,), correlation_time_s=100.0)
-    (flown,) = study.fly_all(scenario, [(hasty, SIGMA)])
-    exact = imm_linear.wrong_time(scenario, 0.5, 100.0, SIGMA, scenario.correlation_time_s)
-    tcep = imm_scores.tcep(flown)
-    assert abs(tcep.value - exact) < 3.5 * tcep.se
-    # With the decay of the true current the wrong way round it would be far off.
-    wrong = imm_linear.wrong_time(scenario, 0.5, 100.0, SIGMA, 100.0)
-    assert abs(tcep.value - wrong) > 3.5 * tcep.se
+    scenario = dataclasses.replace(SHORT, runs=160, initial_current="stationary")
+    for true, assumed in ((7200.0, 100.0), (100.0, 7200.0)):
+        scenario = dataclasses.replace(scenario, correlation_time_s=true)
+        filter_ = study.Filter("wrong time", (0.5,), correlation_time_s=assumed)
+        (flown,) = study.fly_all(scenario, [(filter_, SIGMA)])
+        exact = imm_linear.wrong_time(scenario, 0.5, assumed, SIGMA, true)
+        tcep = imm_scores.tcep(flown)
+        assert abs(tcep.value - exact) < 3.5 * tcep.se
+        # A true current that decays as the filter believes would give another error.
+        wrong = imm_linear.wrong_time(scenario, 0.5, assumed, SIGMA, assumed)
+        assert abs(tcep.value - wrong) > 3.5 * tcep.se
 
 
 def test_turning_the_square_by_half_a_turn_changes_little():
@@ -174,12 +176,13 @@ def test_rms_of_plain_filters_matches_linear_covariance(drawn):
 
 def test_threads_and_number_of_runs_do_not_change_a_run():
     jobs = [(study.AFEKF(SHORT, 0.1, 0.5), SIGMA)]
-    one = study.fly_all(SHORT, jobs, threads=1)[0].means
-    two = study.fly_all(SHORT, jobs, threads=2)[0].means
-    fewer = study.fly_all(dataclasses.replace(SHORT, runs=11), jobs)[0].means
+    many = dataclasses.replace(SHORT, runs=40)
+    one = study.fly_all(many, jobs, threads=1)[0].means
+    two = study.fly_all(many, jobs, threads=2)[0].means
+    fewer = study.fly_all(dataclasses.replace(SHORT, runs=21), jobs)[0].means
     assert np.array_equal(one, two)
-    assert fewer.shape[1] == 11
-    assert np.array_equal(fewer, one[:, :11])
+    assert fewer.shape[1] == 21
+    assert np.array_equal(fewer, one[:, :21])
 
 
 def test_three_axes_help_and_stay_consistent():
@@ -211,21 +214,126 @@ def test_tcep_and_rate_by_hand():
     assert (zero.value, zero.se) == pytest.approx((0, 0))
 
 
-def test_intervals_of_rates_match_jackknife():
-    random = np.random.default_rng(0)
-    squares = [[random.chisquare(3, 400), random.chisquare(3, 400)] for _ in range(3)]
-    missions = [_mission(np.array(s) * k) for s, k in zip(squares, (3.0, 9.0, 1.0), strict=True)]
-    full = imm_scores.rate(*missions)
+RUNS = 400
 
-    def without(r):
-        keep = np.arange(400) != r
-        return imm_scores.rate(
-            *(study.Mission(m.means[:, keep], m.series, m.P) for m in missions)
+
+@pytest.fixture(scope="module")
+def made_up():
+    """Four missions of made-up errors that share part of their luck, with series."""
+    random = np.random.default_rng(0)
+    shared = random.chisquare(3, (10, RUNS))
+    missions = []
+    for size in (3.0, 9.0, 1.0, 5.0):
+        means = size * (shared + random.chisquare(3, (10, RUNS)))
+        means[9] = random.random(RUNS)
+        series = (
+            size * random.standard_normal((12, 18, RUNS)) * np.linspace(1, 2, 12)[:, None, None]
+        )
+        missions.append(study.Mission(means, series, np.empty((1, 136, RUNS))))
+    return missions
+
+
+SCORES = {
+    "rate": lambda a, b, c, d: imm_scores.rate(a, b, c),
+    "rate_difference": lambda a, b, c, d: imm_scores.rate_difference((a, b, c), (d, b, c)),
+    "advantage_difference": lambda a, b, c, d: imm_scores.advantage_difference(
+        (a, b, c), (d, b, c), (c, b, c), (d, b, a)
+    ),
+    "tcep": lambda a, b, c, d: imm_scores.tcep(a),
+    "tcep_log_ratio": lambda a, b, c, d: imm_scores.tcep_log_ratio(a, b),
+    "cells": lambda a, b, c, d: imm_scores.cells(a)[1],
+    "log_ratios": lambda a, b, c, d: imm_scores.log_ratios(a, b)[2],
+    "mode": lambda a, b, c, d: imm_scores.mode(a),
+    "mode_difference": lambda a, b, c, d: imm_scores.mode_difference(a, b),
+    "mode_contrast_difference": lambda a, b, c, d: imm_scores.mode_contrast_difference(a, b, -1),
+    "fall of RMS": lambda a, b, c, d: imm_scores.falls(a, 2, 9)[0],
+    "fall of TCEP": lambda a, b, c, d: imm_scores.falls(a, 2, 9)[1],
+}
+
+
+@pytest.mark.parametrize("name", SCORES)
+def test_intervals_of_scores_match_jackknife(name, made_up):
+    score = SCORES[name]
+
+    def without(run):
+        keep = np.arange(RUNS) != run
+        return score(
+            *(study.Mission(m.means[:, keep], m.series[..., keep], m.P) for m in made_up)
         ).value
 
-    leave = np.array([without(r) for r in range(400)])
-    se = math.sqrt(399 / 400 * ((leave - leave.mean()) ** 2).sum())
-    assert full.se == pytest.approx(se, rel=0.02)
+    leave = np.array([without(run) for run in range(RUNS)])
+    se = math.sqrt((RUNS - 1) / RUNS * ((leave - leave.mean()) ** 2).sum())
+    assert score(*made_up).se == pytest.approx(se, rel=0.02)
+
+
+def test_scores_by_their_definitions(made_up):
+    a, b, c, d = made_up
+    rates = [imm_scores.rate(m, b, c).value for m in (a, d)]
+    three = (a, b, c), (d, b, c)
+    got = imm_scores.advantage_difference(*three, *three[::-1]).value
+    assert got == pytest.approx(2 * (rates[0] - rates[1]))
+    tcep = [0.589 * np.sqrt(m.means[:2].mean(axis=1)).sum() for m in (a, b)]
+    assert imm_scores.tcep_log_ratio(a, b).value == pytest.approx(np.log(tcep[0] / tcep[1]))
+    rms = [np.sqrt(m.means[3].mean()) for m in (a, b)]
+    assert imm_scores.log_ratios(a, b)[2].value == pytest.approx(np.log(rms[0] / rms[1]))
+    levelling, heading = np.degrees([rms[0], np.sqrt(a.means[4].mean())])
+    assert [x.value for x in imm_scores.cells(a)[2:]] == pytest.approx([levelling, heading])
+    # Two models: mu1 − mu2 is 2 mu1 − 1.
+    contrast = [2 * m.means[9].mean() - 1 for m in (a, b)]
+    got = imm_scores.mode_contrast_difference(a, b, -1).value
+    assert got == pytest.approx(contrast[1] - contrast[0])
+
+
+def test_curves_against_time_by_their_definitions(made_up):
+    one = made_up[0]
+    north, east = one.series[:, 0], one.series[:, 1]
+    rms, cep, tcep = imm_scores.radial_curves(one)
+    for k in (0, 5, 11):
+        radius = np.sort(np.sqrt(north[k] ** 2 + east[k] ** 2))
+        assert rms[k] == pytest.approx(np.sqrt((radius**2).mean()))
+        assert cep[k] == pytest.approx(radius[RUNS // 2 - 1 : RUNS // 2 + 1].mean())
+        assert tcep[k] == pytest.approx(
+            0.589 * sum(np.sqrt((x[: k + 1] ** 2).mean()) for x in (north, east))
+        )
+    swing, smooth = imm_scores.falls(one, 2, 9)
+    assert swing.value == pytest.approx(np.log(rms[9] / rms[2]))
+    assert smooth.value == pytest.approx(np.log(tcep[9] / tcep[2]))
+
+
+def test_appendix_B_against_the_normal_equations():
+    # One update of two correlated numbers, as the inverse of summed information.
+    P, R = np.array([[2.0, 0.7], [0.7, 3.0]]), 0.4
+    H = np.array([[1.0, -1.0]])
+    after = np.linalg.inv(np.linalg.inv(P) + H.T @ H / R)
+    assert imm_appendix.one_step(2.0, 0.7, 3.0, R) == pytest.approx(after[0, 0])
+    world = {"velocity_std": 0.3, "drift": 2e-2, "log_noise": 0.05, "correlation_time": 100.0}
+    _, _, after = imm_appendix.riccati(0.4, 50, **world)
+    noise = np.random.default_rng(2).standard_normal((4000, 51, 3))
+    errors = imm_appendix.simulate(0.4, 50, noise, **world)
+    for k in (0, 10, 49):
+        sample = errors[k] @ errors[k].T / 4000
+        assert sample == pytest.approx(after[k], rel=0.1)
+
+
+def test_studies_beyond_the_paper_change_what_they_say(sensors):
+    assert np.array(imm_beyond.chain(0.8, 3)) == pytest.approx(
+        np.array([[0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]])
+    )
+    pair = imm_beyond.with_chain(study.EKF(0.1, 0.5), 0.95)
+    assert np.array(pair.transition) == pytest.approx(np.array([[0.95, 0.05], [0.05, 0.95]]))
+    assert pair.initial_probabilities == (0.5, 0.5)
+    change = imm_beyond.changing(SHORT, low=0.05, high=1.0)
+    mode = change["IMM-EKF 0.1,0.5"].series[:, 17].mean(axis=1)
+    assert mode[:10].mean() > mode[-5:].mean()
+    # Printed cells off by a common factor are that far off, whatever their number.
+    own = dict.fromkeys(imm_scores.PRINTED)
+    for table, sigma in imm_scores.PRINTED_SIGMA.items():
+        exact = {f"EKF {one:g}": imm_linear.scores(SHORT, one, sigma)[:4] for one in (0.1, 0.5)}
+        sign = 1 if table == 2 else -1
+        own[table] = {name: row * np.exp(0.3 * sign) for name, row in exact.items()}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(imm_scores, "PRINTED", own)
+        assert imm_beyond.table_distance(SHORT) == pytest.approx(0.3)
 
 
 def test_crossing_is_interpolated():

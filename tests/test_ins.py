@@ -72,20 +72,28 @@ def _dense_transition(x, after, theta, f, r):
     return Phi
 
 
+def _column(f, column):
+    """A column of the transition, its seven navigation rows."""
+    y, out = np.zeros((16, LANES)), np.zeros((7, 16, LANES))
+    y[column] = 1.0
+    ins._transition(f.reshape(-1), 1.0, y.reshape(-1), out.reshape(-1))
+    assert not out[:, 1:].any()
+    return out[:, 0]
+
+
 def test_covariance_prediction_equals_dense_algebra():
     x = _nominal()
     theta, _, f, after = _predicted(x)
     P, full = _covariance()
     ins._predict_covariance(
-        P,
-        f,
+        P.reshape(-1),
+        f.reshape(-1),
         1.0,
         math.exp(-1 / 7200),
         1e-9,
         1e-14,
         1e-5,
-        np.zeros((16, LANES)),
-        np.zeros((17, 16, LANES)),
+        np.zeros((2 * 7 * 16 + 16) * LANES),
     )
     Q = np.diag([0.0] * 2 + [1e-9] * 2 + [1e-14] * 3 + [0.0] * 6 + [1e-5] * 3)
     got = P[ins.AT]
@@ -103,9 +111,7 @@ def test_every_row_of_the_transition_equals_the_dense_one():
     x = _nominal(3)
     theta, _, f, after = _predicted(x)
     for column in range(16):
-        y, out = np.zeros((16, LANES)), np.zeros((16, LANES))
-        y[column] = 1.0
-        ins._transition(f, 1.0, y, out)
+        out = _column(f, column)
         for r in range(LANES):
             expected = _dense_transition(x, after, theta, f, r)[:7, column]
             size = np.array([1e-6, 1e-6, 1, 1, 1e-4, 1e-4, 1e-4])
@@ -129,9 +135,7 @@ def test_prediction_of_the_error_matches_differences_of_the_mechanisation():
             ins.difference(moved, after, e)
             ends.append(e)
         numeric = (ends[0] - ends[1]) / (2 * size)
-        y, out = np.zeros((16, LANES)), np.zeros((16, LANES))
-        y[column] = 1.0
-        ins._transition(f, 1.0, y, out)
+        out = _column(f, column)
         scale = np.array([1e-6, 1e-6, 0.1, 0.1, 1e-4, 1e-4, 1e-4])[:, None] / size
         assert (np.abs(out[:7] - numeric[:7]) / scale).max() < 2e-4, column
 
@@ -142,7 +146,7 @@ def test_H_matches_differences_at_a_large_current(axis):
     P, full = _covariance()
     h, u = np.zeros((8, LANES)), np.zeros((16, LANES))
     rho, S, z = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    ins._look(x, P, z, axis, 0.01, h, u, rho, S)
+    ins._look(x, P.reshape(-1), z, axis, 0.01, h.reshape(-1), u.reshape(-1), rho, S)
     H = np.zeros((16, LANES))
     H[[2, 3, 4, 5, 6, 13, 14, 15]] = h
     for r in range(LANES):
@@ -157,7 +161,7 @@ def test_H_matches_differences_at_a_large_current(axis):
             e[column] = sign * 1e-4
             moved = x.copy()
             ins.shift(moved, e, 1.0)
-            ins._look(moved, P, z, axis, 0.01, h, u, rho, S)
+            ins._look(moved, P.reshape(-1), z, axis, 0.01, h.reshape(-1), u.reshape(-1), rho, S)
             ends.append(rho.copy())
         assert (ends[0] - ends[1]) / 2e-4 == pytest.approx(H[column], abs=2e-7)
 
@@ -181,7 +185,7 @@ def test_correction_is_joseph_form_for_any_gain(gain):
     H = random.standard_normal((LANES, 16)) / np.sqrt(np.einsum("rii->ri", full))
     u = np.einsum("rij,rj->ir", full, H)
     S = np.einsum("ri,ir->r", H, u) + 0.5
-    ins._correct(P, np.ascontiguousarray(u), S, np.full(LANES, gain))
+    ins._correct(P.reshape(-1), np.ascontiguousarray(u).reshape(-1), S, np.full(LANES, gain))
     for r in range(LANES):
         K = gain * u[:, r] / S[r]
         A = np.eye(16) - np.outer(K, H[r])
@@ -204,7 +208,7 @@ def test_fading_forms_inflate_what_they_say():
     for name, form in fading.FORMS.items():
         P, _ = _covariance()
         before = P.copy()
-        ins._inflate(P, form, beta, q)
+        ins._inflate(P.reshape(-1), form, beta, q)
         change = (P - before)[ins.AT]
         expected = np.zeros_like(change)
         if name.startswith("literal"):
@@ -245,3 +249,129 @@ def test_current_decays_by_its_own_law():
     _, _, _, after = _predicted(x)
     assert after[14:17] == pytest.approx(a * x[14:17])
     assert earth.RATE == pytest.approx(2 * math.pi / 86164.1, rel=1e-6)
+
+
+def _dense(x, theta, dv, decay):
+    """Predicted states and the dense transition of every run, (LANES, 16, 16)."""
+    f, after = np.zeros((ins.COEFFICIENTS, LANES)), x.copy()
+    ins._predict_state(after, theta, dv, 0.0, 1.0, decay, f)
+    Phi = np.repeat(np.diag([1.0] * 13 + [decay] * 3)[None], LANES, axis=0)
+    for column in range(16):
+        Phi[:, :7, column] = _column(f, column).T
+    return after, Phi
+
+
+def _looked(x, P, z, R):
+    """H (LANES, 16), residual and S of the forward axis, by the tested kernel and algebra."""
+    h, u = np.zeros(8 * LANES), np.zeros(16 * LANES)
+    rho, S = np.zeros(LANES), np.zeros(LANES)
+    ins._look(x, np.zeros(ins.PACKED * LANES), z, 0, R, h, u, rho, S)
+    H = np.zeros((LANES, 16))
+    H[:, [2, 3, 4, 5, 6, 13, 14, 15]] = h.reshape(8, LANES).T
+    return H, rho, np.einsum("ri,rij,rj->r", H, P, H) + R
+
+
+def _plain_imm(theta, dv, z, truth, x0, P0, noise, T, mu, window, cap, R, q_velocity, q_attitude):
+    """Equations (14)-(26) in numpy, with fading of the current's sigma: errors and modes."""
+    models = len(noise)
+    x, P = [x0.copy() for _ in range(models)], [p.copy() for p in P0]
+    past = [[] for _ in range(models)]
+    errors, modes = [], []
+    for k in range(len(z)):
+        predicted = T.T @ mu
+        weights = T[:, :, None] * mu[:, None] / predicted  # from i to j
+        about, deviations = x[0].copy(), np.zeros((models, 16, LANES))
+        for i in range(models):
+            ins.difference(x[i], about, deviations[i])
+        mixed = []
+        for j in range(models):
+            mean = np.einsum("ir,ikr->kr", weights[:, j], deviations)
+            c = deviations - mean
+            spread = np.einsum("ir,ikr,imr->rkm", weights[:, j], c, c)
+            mixed.append(sum(weights[i, j][:, None, None] * P[i] for i in range(models)) + spread)
+            x[j] = about.copy()
+            ins.shift(x[j], mean, 1.0)
+        likelihoods = np.empty((models, LANES))
+        for j, (decay, q) in enumerate(noise):
+            x[j], Phi = _dense(x[j], theta[k], dv[k], decay)
+            Q = np.diag([0.0] * 2 + [q_velocity] * 2 + [q_attitude] * 3 + [0.0] * 6 + [q] * 3)
+            prior = Phi @ mixed[j] @ Phi.transpose(0, 2, 1) + Q
+            H, rho, S = _looked(x[j], prior, z[k, 0], R)
+            past[j] = [*past[j], rho**2][-window:]
+            beta = np.ones(LANES)
+            if len(past[j]) > 1:
+                beta = np.clip(sum(past[j]) / (len(past[j]) - 1) / S, 1, cap)
+            prior[:, range(13, 16), range(13, 16)] += ((beta**2 - 1) * q)[:, None]
+            _, _, S = _looked(x[j], prior, z[k, 0], R)
+            K = np.einsum("rij,rj->ri", prior, H) / S[:, None]
+            A = np.eye(16) - K[:, :, None] * H[:, None]
+            P[j] = A @ prior @ A.transpose(0, 2, 1) + R * K[:, :, None] * K[:, None]
+            likelihoods[j] = np.exp(-0.5 * rho**2 / S) / np.sqrt(2 * math.pi * S)
+            ins.shift(x[j], np.ascontiguousarray((K * rho[:, None]).T), -1.0)
+        mu = likelihoods * predicted
+        mu = mu / mu.sum(axis=0)
+        about = x[0].copy()
+        for i in range(models):
+            ins.difference(x[i], about, deviations[i])
+        ins.shift(about, np.einsum("ir,ikr->kr", mu, deviations), 1.0)
+        true, e = np.zeros((ins.NOMINAL, LANES)), np.zeros((16, LANES))
+        true[:8] = truth[k, :8, None]
+        ins.difference(about, true, e)
+        e[:2] *= truth[k, 8:10, None]
+        errors.append(e)
+        modes.append(mu)
+    return np.array(errors), np.array(modes), np.array(P)
+
+
+def test_a_mission_is_the_printed_equations_in_plain_numpy():
+    steps, random = 25, np.random.default_rng(6)
+    x0, (packed, full) = _nominal(7), _covariance()
+    x0[4:8] = np.array([0.8, 0.0, 0.0, 0.6])[:, None]
+    theta = 1e-3 * random.standard_normal((steps, 3, LANES))
+    dv = np.array([[0.1], [0.2], [-9.8]]) + 0.05 * random.standard_normal((steps, 3, LANES))
+    truth = np.zeros((steps, 10))
+    truth[:, 0], truth[:, 1], truth[:, 4], truth[:, 7] = 0.65, 2.2, 0.8, 0.6
+    truth[:, 8], truth[:, 9] = 6.3e6, 5.1e6
+    z = 2 * random.standard_normal((steps, 1, LANES))
+    noise, T = [(0.999, 1e-3), (0.99, 0.05)], np.array([[0.8, 0.2], [0.3, 0.7]])
+    mu, P0 = np.array([0.6, 0.4]), np.stack([packed, 2 * packed])
+    options = {"window": 5, "cap": 3.0, "R": 0.04}
+    means, series, P = ins.fly(
+        theta,
+        dv,
+        z,
+        truth,
+        x0,
+        P0,
+        height=0.0,
+        noise=noise,
+        forms=["sigma"] * 2,
+        velocity_noise=1e-4,
+        attitude_noise=1e-10,
+        transition=T,
+        mu0=mu,
+        stride=1,
+        **options,
+    )
+    errors, modes, covariances = _plain_imm(
+        theta,
+        dv,
+        z,
+        truth,
+        x0,
+        [full, 2 * full],
+        noise,
+        T,
+        np.repeat(mu[:, None], LANES, axis=1),
+        q_velocity=1e-4,
+        q_attitude=1e-10,
+        **options,
+    )
+    assert np.ptp(modes, axis=0).min() > 0.01  # the modes move, so that their order matters
+    assert series[:, 17:] == pytest.approx(modes, rel=1e-7, abs=1e-12)
+    scale = np.abs(errors).max(axis=(0, 2))[:, None]
+    assert np.abs(series[:, :16] / scale - errors / scale).max() < 1e-8
+    assert means[9] == pytest.approx(modes[:, 0].mean(axis=0))
+    spread = np.sqrt(np.einsum("mrii->mri", covariances))
+    got = P[:, ins.AT].transpose(0, 3, 1, 2) / spread[..., None] / spread[:, :, None]
+    assert np.abs(got - covariances / spread[..., None] / spread[:, :, None]).max() < 1e-7

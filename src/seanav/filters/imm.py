@@ -13,6 +13,8 @@ Markovian switching coefficients", *IEEE Transactions on Automatic Control* 33 (
 
 import math
 
+import numpy as np
+
 from seanav._compile import kernel
 
 
@@ -92,31 +94,25 @@ def mix(weights, deviations, P, mean, covariance, centred):
     mean : (size, runs), output
         Deviation of the mixture's mean from that point.
     covariance : (size (size + 1) / 2, runs), output
-    centred : (size + 1, runs)
+    centred : (size, runs)
         Workspace.
     """
     models, size, runs = deviations.shape
     for k in range(size):
         for r in range(runs):
-            mean[k, r] = 0.0
-        for i in range(models):
-            for r in range(runs):
-                mean[k, r] += weights[i, r] * deviations[i, k, r]
-    for k in range(P.shape[1]):
-        for r in range(runs):
-            covariance[k, r] = weights[0, r] * P[0, k, r]
+            mean[k, r] = weights[0, r] * deviations[0, k, r]
         for i in range(1, models):
             for r in range(runs):
-                covariance[k, r] += weights[i, r] * P[i, k, r]
+                mean[k, r] += weights[i, r] * deviations[i, k, r]
+    covariance[:] = 0.0
     for i in range(models):
         for k in range(size):
             for r in range(runs):
                 centred[k, r] = deviations[i, k, r] - mean[k, r]
-        at = 0
+        at = np.uint64(0)  # unsigned: the compiler then vectorises over runs
         for k in range(size):
-            for r in range(runs):
-                centred[size, r] = weights[i, r] * centred[k, r]
             for m in range(k, size):
                 for r in range(runs):
-                    covariance[at, r] += centred[size, r] * centred[m, r]
-                at += 1
+                    moment = P[i, at, r] + centred[k, r] * centred[m, r]
+                    covariance[at, r] += weights[i, r] * moment
+                at += np.uint64(1)

@@ -13,6 +13,10 @@ velocity with the mean attitude error, then position with the mean velocity erro
 from I + F dt + F² dt²/2 by no more than half the squared Schuler rate, 8e-7 in one second,
 and costs half as much.
 
+The covariance kernels take flat arrays: element (i, run) is at i · LANES + run. With that
+constant in the index the compiler sees that rows do not overlap, and vectorises over runs;
+with two subscripts it does not, and they are three times slower.
+
 Source: Cha, Hwang and Park, *The Journal of Navigation*, 2022, equations (6)-(26).
 """
 
@@ -24,17 +28,23 @@ from seanav._compile import kernel
 from seanav.filters import fading, imm
 from seanav.models import earth, inertial
 
-LANES = 8
+LANES = 16
 KEPT = np.array([i for i in range(inertial.STATES) if i not in inertial.SLAVED])
 N = len(KEPT)  # 16: L λ | v_N v_E | φ | b_a | b_g | v_c
 PACKED = N * (N + 1) // 2
 NOMINAL = 17
 NAVIGATION = 7  # of the 16, those with dynamics of their own besides the current
+LOOKED = np.array([2, 3, 4, 5, 6, 13, 14, 15])  # columns where H is not zero
+
+# Unsigned: no check for negative subscripts stands in the way of the compiler's vectorising.
+ROW = np.arange(PACKED, dtype=np.uint64) * np.uint64(LANES)  # where row i of a flat array begins
 
 # Place of element (i, j) in a packed upper triangle.
 AT = np.zeros((N, N), dtype=np.int64)
 AT[np.triu_indices(N)] = np.arange(PACKED)
 AT = np.maximum(AT, AT.T)
+PLACE = ROW[AT]  # the same in a flat array
+HALF = NAVIGATION * N * LANES
 
 # Rows of the coefficient array that `_predict_state` fills.
 _C = 0  # C_bn at mid-interval, 9, row by row
@@ -90,8 +100,10 @@ def _predict_state(x, theta, dv, height, dt, decay, f):
         x[1, r] += dlongitude
         x[2, r], x[3, r] = n_N, n_E
 
-        mL, m_N, m_E = latitude + 0.5 * dL, 0.5 * (v_N + n_N), 0.5 * (v_E + n_E)
-        s, c = math.sin(mL), math.cos(mL)
+        m_N, m_E = 0.5 * (v_N + n_N), 0.5 * (v_E + n_E)
+        # Half the step on from the sine and cosine of its start; the next term is below 1e-20.
+        s, c, half = math.sin(latitude), math.cos(latitude), 0.5 * dL
+        s, c = s + half * (c - 0.5 * half * s), c - half * (s + 0.5 * half * c)
         t = s / c
         w = 1.0 - earth.ECCENTRICITY_SQUARED * s * s
         R_t = earth.SEMI_MAJOR / math.sqrt(w)
@@ -117,71 +129,99 @@ def _predict_state(x, theta, dv, height, dt, decay, f):
 
 @kernel
 def _transition(f, dt, y, out):
-    """Apply the transition to the seven navigation rows: y (16, runs) to out (7, runs)."""
+    """Apply the transition to y (16 rows); the seven navigation rows go to out.
+
+    `out` begins at the first row's place in an array of 16 columns.
+    """
     for r in range(LANES):
-        L, vn, ve = y[0, r], y[2, r], y[3, r]
-        pn, pe, pd = y[4, r], y[5, r], y[6, r]
-        gx, gy, gz = y[10, r], y[11, r], y[12, r]
-        wn, we, wd = f[_W, r], f[_W + 1, r], f[_W + 2, r]
-        dn = f[_AL, r] * L + f[_VEN, r] * ve + wd * pe - we * pd
-        dn += f[_C, r] * gx + f[_C + 1, r] * gy + f[_C + 2, r] * gz
-        de = f[_AL + 1, r] * L + f[_VN, r] * vn - wd * pn + wn * pd
-        de += f[_C + 3, r] * gx + f[_C + 4, r] * gy + f[_C + 5, r] * gz
-        dd = f[_AL + 2, r] * L + f[_VED, r] * ve + we * pn - wn * pe
-        dd += f[_C + 6, r] * gx + f[_C + 7, r] * gy + f[_C + 8, r] * gz
-        out[4, r], out[5, r], out[6, r] = pn + dt * dn, pe + dt * de, pd + dt * dd
+        L, vn, ve = y[r], y[2 * LANES + r], y[3 * LANES + r]
+        pn, pe, pd = y[4 * LANES + r], y[5 * LANES + r], y[6 * LANES + r]
+        gx, gy, gz = y[10 * LANES + r], y[11 * LANES + r], y[12 * LANES + r]
+        wn, we, wd = f[_W * LANES + r], f[(_W + 1) * LANES + r], f[(_W + 2) * LANES + r]
+        dn = f[_AL * LANES + r] * L + f[_VEN * LANES + r] * ve + wd * pe - we * pd
+        dn += f[_C * LANES + r] * gx + f[(_C + 1) * LANES + r] * gy + f[(_C + 2) * LANES + r] * gz
+        de = f[(_AL + 1) * LANES + r] * L + f[_VN * LANES + r] * vn - wd * pn + wn * pd
+        de += (
+            f[(_C + 3) * LANES + r] * gx
+            + f[(_C + 4) * LANES + r] * gy
+            + f[(_C + 5) * LANES + r] * gz
+        )
+        dd = f[(_AL + 2) * LANES + r] * L + f[_VED * LANES + r] * ve + we * pn - wn * pe
+        dd += (
+            f[(_C + 6) * LANES + r] * gx
+            + f[(_C + 7) * LANES + r] * gy
+            + f[(_C + 8) * LANES + r] * gz
+        )
+        out[4 * N * LANES + r], out[5 * N * LANES + r], out[6 * N * LANES + r] = (
+            pn + dt * dn,
+            pe + dt * de,
+            pd + dt * dd,
+        )
         pn, pe, pd = pn + 0.5 * dt * dn, pe + 0.5 * dt * de, pd + 0.5 * dt * dd
-        ax, ay, az = y[7, r], y[8, r], y[9, r]
-        fn, fe, fd = f[_F, r], f[_F + 1, r], f[_F + 2, r]
-        un = f[_VL, r] * L + f[_VV, r] * ve - fd * pe + fe * pd
-        un -= f[_C, r] * ax + f[_C + 1, r] * ay + f[_C + 2, r] * az
-        ue = f[_VL + 1, r] * L + f[_VV + 1, r] * vn + f[_VV + 2, r] * ve + fd * pn - fn * pd
-        ue -= f[_C + 3, r] * ax + f[_C + 4, r] * ay + f[_C + 5, r] * az
-        out[2, r], out[3, r] = vn + dt * un, ve + dt * ue
-        out[0, r] = L + dt * (f[_PL, r] * L + f[_PV, r] * (vn + 0.5 * dt * un))
-        out[1, r] = y[1, r] + dt * (f[_PL + 1, r] * L + f[_PV + 1, r] * (ve + 0.5 * dt * ue))
+        ax, ay, az = y[7 * LANES + r], y[8 * LANES + r], y[9 * LANES + r]
+        fn, fe, fd = f[_F * LANES + r], f[(_F + 1) * LANES + r], f[(_F + 2) * LANES + r]
+        un = f[_VL * LANES + r] * L + f[_VV * LANES + r] * ve - fd * pe + fe * pd
+        un -= f[_C * LANES + r] * ax + f[(_C + 1) * LANES + r] * ay + f[(_C + 2) * LANES + r] * az
+        ue = (
+            f[(_VL + 1) * LANES + r] * L
+            + f[(_VV + 1) * LANES + r] * vn
+            + f[(_VV + 2) * LANES + r] * ve
+            + fd * pn
+            - fn * pd
+        )
+        ue -= (
+            f[(_C + 3) * LANES + r] * ax
+            + f[(_C + 4) * LANES + r] * ay
+            + f[(_C + 5) * LANES + r] * az
+        )
+        out[2 * N * LANES + r], out[3 * N * LANES + r] = vn + dt * un, ve + dt * ue
+        out[r] = L + dt * (f[_PL * LANES + r] * L + f[_PV * LANES + r] * (vn + 0.5 * dt * un))
+        out[N * LANES + r] = y[LANES + r] + dt * (
+            f[(_PL + 1) * LANES + r] * L + f[(_PV + 1) * LANES + r] * (ve + 0.5 * dt * ue)
+        )
 
 
 @kernel
-def _predict_covariance(P, f, dt, decay, q_velocity, q_attitude, q_current, column, left):
-    """P ← Phi P Phiᵀ + Q in place; `column` (16, runs), `left` (16, 16, runs) are workspace."""
+def _predict_covariance(P, f, dt, decay, q_velocity, q_attitude, q_current, work):
+    """P ← Phi P Phiᵀ + Q in place; `work` (2 · 7 · 16 + 16 rows) is workspace."""
+    width = np.uint64(len(work) // (2 * NAVIGATION * N + N))
+    left, right, y = work[:HALF], work[HALF : 2 * HALF], work[2 * HALF :]
     for j in range(N):
         for i in range(N):
-            at = AT[i, j]
-            for r in range(LANES):
-                column[i, r] = P[at, r]
-        _transition(f, dt, column, left[j])  # left[j, i] = (Phi P)[i, j]
+            to, at = ROW[i], PLACE[i, j]
+            for r in range(width):
+                y[to + r] = P[at + r]
+        _transition(f, dt, y, left[j * LANES :])  # column j of Phi P, seven rows
     for i in range(NAVIGATION):
-        for j in range(N):
-            for r in range(LANES):
-                column[j, r] = left[j, i, r]
-        _transition(f, dt, column, left[N])
+        y = left[i * N * LANES : (i + 1) * N * LANES]  # row i of Phi P
+        _transition(f, dt, y, right[i * LANES :])  # column i of Phi P Phiᵀ
         for j in range(i, NAVIGATION):
-            at = AT[i, j]
-            for r in range(LANES):
-                P[at, r] = left[N, j, r]
+            to, at = PLACE[i, j], ROW[j * N + i]
+            for r in range(width):
+                P[to + r] = right[at + r]
         for j in range(NAVIGATION, N):
-            at = AT[i, j]
+            to, at = PLACE[i, j], ROW[j]
             factor = decay if j >= 13 else 1.0
-            for r in range(LANES):
-                P[at, r] = factor * column[j, r]
+            for r in range(width):
+                P[to + r] = factor * y[at + r]
     for j in range(13, N):
         for i in range(NAVIGATION, j + 1):
-            at = AT[i, j]
+            to = PLACE[i, j]
             factor = decay * decay if i >= 13 else decay
-            for r in range(LANES):
-                P[at, r] *= factor
-    for i in range(2, NAVIGATION):
-        for r in range(LANES):
-            P[AT[i, i], r] += q_velocity if i < 4 else q_attitude
-    for i in range(13, N):
-        for r in range(LANES):
-            P[AT[i, i], r] += q_current
+            for r in range(width):
+                P[to + r] *= factor
+    for i in range(2, N):
+        if i < NAVIGATION or i >= 13:
+            q = q_velocity if i < 4 else q_attitude if i < NAVIGATION else q_current
+            to = PLACE[i, i]
+            for r in range(width):
+                P[to + r] += q
 
 
 @kernel
 def _look(x, P, z, axis, R, h, u, rho, S):
     """Fill the row h of H (8 of 16 entries), u = P hᵀ, residual rho (predicted − z) and S."""
+    width = np.uint64(len(S))
     for r in range(LANES):
         w, a, b, c = x[4, r], x[5, r], x[6, r], x[7, r]
         if axis == 0:
@@ -191,29 +231,27 @@ def _look(x, P, z, axis, R, h, u, rho, S):
         else:
             cn, ce, cd = 2.0 * (a * c + w * b), 2.0 * (b * c - w * a), 1.0 - 2.0 * (a * a + b * b)
         un, ue, ud = x[2, r] - x[14, r], x[3, r] - x[15, r], -x[16, r]
-        h[0, r], h[1, r] = cn, ce
-        h[2, r], h[3, r], h[4, r] = ue * cd - ud * ce, ud * cn - un * cd, un * ce - ue * cn
-        h[5, r], h[6, r], h[7, r] = -cn, -ce, -cd
+        h[r], h[LANES + r] = cn, ce
+        h[2 * LANES + r], h[3 * LANES + r], h[4 * LANES + r] = (
+            ue * cd - ud * ce,
+            ud * cn - un * cd,
+            un * ce - ue * cn,
+        )
+        h[5 * LANES + r], h[6 * LANES + r], h[7 * LANES + r] = -cn, -ce, -cd
         rho[r] = cn * un + ce * ue + cd * ud - z[r]
         S[r] = R
     for i in range(N):
-        a2, a3, a4, a5, a6 = AT[i, 2], AT[i, 3], AT[i, 4], AT[i, 5], AT[i, 6]
-        a7, a8, a9 = AT[i, 13], AT[i, 14], AT[i, 15]
-        for r in range(LANES):
-            u[i, r] = (
-                P[a2, r] * h[0, r]
-                + P[a3, r] * h[1, r]
-                + P[a4, r] * h[2, r]
-                + P[a5, r] * h[3, r]
-                + P[a6, r] * h[4, r]
-                + P[a7, r] * h[5, r]
-                + P[a8, r] * h[6, r]
-                + P[a9, r] * h[7, r]
-            )
+        to = ROW[i]
+        for r in range(width):
+            u[to + r] = 0.0
+        for k in range(8):
+            at, entry = PLACE[i, LOOKED[k]], ROW[k]
+            for r in range(width):
+                u[to + r] += P[at + r] * h[entry + r]
     for k in range(8):
-        i = k + 2 if k < 5 else k + 8
-        for r in range(LANES):
-            S[r] += h[k, r] * u[i, r]
+        at, entry = ROW[LOOKED[k]], ROW[k]
+        for r in range(width):
+            S[r] += h[entry + r] * u[at + r]
 
 
 @kernel
@@ -253,37 +291,39 @@ def difference(x, reference, e):
 @kernel
 def _inflate(P, form, beta, q_current):
     """Apply a fading form to the predicted covariance P (packed, runs)."""
+    width = np.uint64(len(beta))
     if form == fading.LITERAL or form == fading.LITERAL_GAIN:
         for k in range(PACKED):
-            for r in range(LANES):
-                P[k, r] *= beta[r]
+            to = ROW[k]
+            for r in range(width):
+                P[to + r] *= beta[r]
     elif form == fading.BLOCK:
         for i in range(13, N):
             for j in range(i, N):
-                for r in range(LANES):
-                    P[AT[i, j], r] *= beta[r]
-    elif form == fading.VARIANCE:
+                to = PLACE[i, j]
+                for r in range(width):
+                    P[to + r] *= beta[r]
+    elif form == fading.VARIANCE or form == fading.SIGMA:
+        power = 2 if form == fading.SIGMA else 1
         for i in range(13, N):
-            for r in range(LANES):
-                P[AT[i, i], r] += (beta[r] - 1.0) * q_current
-    elif form == fading.SIGMA:
-        for i in range(13, N):
-            for r in range(LANES):
-                P[AT[i, i], r] += (beta[r] * beta[r] - 1.0) * q_current
+            to = PLACE[i, i]
+            for r in range(width):
+                P[to + r] += (beta[r] ** power - 1.0) * q_current
 
 
 @kernel
 def _correct(P, u, S, gain):
     """P ← (I − K H) P with K = gain · u / S, in Joseph's form (exact for any gain)."""
-    factor = np.empty(LANES)
-    for r in range(LANES):
-        factor[r] = (2.0 * gain[r] - gain[r] * gain[r]) / S[r]
-    at = 0
+    width = np.uint64(len(gain))
+    scaled = np.empty(LANES)
     for i in range(N):
+        own = ROW[i]
+        for r in range(width):
+            scaled[r] = (2.0 * gain[r] - gain[r] * gain[r]) / S[r] * u[own + r]
         for j in range(i, N):
-            for r in range(LANES):
-                P[at, r] -= factor[r] * u[i, r] * u[j, r]
-            at += 1
+            to, at = PLACE[i, j], ROW[j]
+            for r in range(width):
+                P[to + r] -= scaled[r] * u[at + r]
 
 
 @kernel
@@ -318,8 +358,9 @@ def _mission(
     height, dt, R, cap = settings[0], settings[1], settings[2], settings[3]
     q_velocity, q_attitude, aided = settings[4], settings[5], settings[6] > 0.0
     f = np.zeros((COEFFICIENTS, LANES))
-    column, left = np.zeros((N, LANES)), np.zeros((N + 1, N, LANES))
-    h, u = np.zeros((8, LANES)), np.zeros((N, LANES))
+    flat_f, flat_P = f.reshape(-1), P.reshape((models, -1))
+    work = np.zeros(2 * HALF + N * LANES)
+    h, u = np.zeros(8 * LANES), np.zeros(N * LANES)
     rho, S = np.zeros(LANES), np.zeros(LANES)
     squared, total, spread = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
     beta, gain = np.ones((models, LANES)), np.ones(LANES)
@@ -331,7 +372,7 @@ def _mission(
     mixed_P, best_P = np.zeros((models, PACKED, LANES)), np.zeros((PACKED, LANES))
     best, mean, e = np.zeros((NOMINAL, LANES)), np.zeros((N, LANES)), np.zeros((N, LANES))
     true_state = np.zeros((NOMINAL, LANES))
-    cholesky, centred = np.zeros((N, N + 1)), np.zeros((N + 1, LANES))
+    cholesky, centred = np.zeros((N, N + 1)), np.zeros((N, LANES))
 
     for step in range(steps):
         if models > 1:
@@ -349,21 +390,23 @@ def _mission(
             _predict_state(x[j], theta[step], dv[step], height, dt, decay, f)
             if not aided:
                 continue
-            _predict_covariance(P[j], f, dt, decay, q_velocity, q_attitude, q_current, column, left)
+            _predict_covariance(
+                flat_P[j], flat_f, dt, decay, q_velocity, q_attitude, q_current, work
+            )
             axes = z.shape[1]
             gain[:] = 1.0
             if forms[j] != fading.NONE:
                 squared[:] = 0.0
                 spread[:] = 0.0
                 for axis in range(axes):
-                    _look(x[j], P[j], z[step, axis], axis, R, h, u, rho, S)
+                    _look(x[j], flat_P[j], z[step, axis], axis, R, h, u, rho, S)
                     for r in range(LANES):
                         squared[r] += rho[r] * rho[r]
                         spread[r] += S[r]
                 fading.remember(rings[j], step, squared, total)
                 for r in range(LANES):
                     beta[j, r] = fading.factor(total[r], min(step + 1, window), spread[r], cap)
-                _inflate(P[j], forms[j], beta[j], q_current)
+                _inflate(flat_P[j], forms[j], beta[j], q_current)
                 if forms[j] == fading.LITERAL_GAIN:
                     for r in range(LANES):
                         gain[r] = 1.0 / beta[j, r]
@@ -371,15 +414,15 @@ def _mission(
                 logs[j, r] = 0.0
                 nis[j, r] = 0.0
             for axis in range(axes):
-                _look(x[j], P[j], z[step, axis], axis, R, h, u, rho, S)
+                _look(x[j], flat_P[j], z[step, axis], axis, R, h, u, rho, S)
                 for r in range(LANES):
                     nis[j, r] += rho[r] * rho[r] / S[r]
                     if models > 1:
                         logs[j, r] += imm.log_likelihood(rho[r] * rho[r], S[r])
                 for i in range(N):
                     for r in range(LANES):
-                        e[i, r] = gain[r] * u[i, r] * (rho[r] / S[r])
-                _correct(P[j], u, S, gain)
+                        e[i, r] = gain[r] * u[i * LANES + r] * (rho[r] / S[r])
+                _correct(flat_P[j], u, S, gain)
                 shift(x[j], e, -1.0)
         if models > 1:
             imm.probabilities(predicted, logs, mu)

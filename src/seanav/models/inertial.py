@@ -255,8 +255,9 @@ def advance(latitude, height, v_N, v_E, q, theta, dv, dt):
     nN = v_N + fN + dt * (2.0 * oD + rD) * mE
     nE = v_E + fE - dt * (2.0 * oD + rD) * mN
     dL = 0.5 * dt * (v_N + nN) / M
-    middle = latitude + 0.5 * dL
-    dlongitude = 0.5 * dt * (v_E + nE) / (T * math.cos(middle))
+    # Cosine of the latitude half-way; the next term is below 1e-20.
+    middle = c - 0.5 * dL * (s + 0.25 * dL * c)
+    dlongitude = 0.5 * dt * (v_E + nE) / (T * middle)
     # q <- exp(-omega_in dt) q exp(theta)
     square = theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2]
     half = 0.5 - square / 48.0 + square * square / 3840.0

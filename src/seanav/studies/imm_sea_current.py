@@ -16,7 +16,8 @@ from seanav.filters import fading, ins
 from seanav.models import currents, earth, inertial
 from seanav.models.trajectories import KNOT, Trajectory
 
-LANES = ins.LANES  # runs per unit of parallel work; fixed, so threads do not matter
+LANES = ins.LANES  # runs per batch; fixed, so threads do not matter
+SHARES = 4  # of the jobs: so many tasks for each batch keep all processors busy to the end
 G0 = 9.80665  # m/s² in one g
 
 
@@ -428,21 +429,27 @@ def fly_all(scenario, jobs, *, stride=0, threads=None, client=None, label=None):
     """
     scenario.path().increments()  # prepared once, before the threads share it
     batches = range(-(-scenario.runs // LANES))
+    # The first share of the jobs over all batches first: each batch is sensed only once.
+    shares = [range(len(jobs))[k::SHARES] for k in range(min(SHARES, len(jobs)))]
+    tasks = [(share, batch) for share in shares for batch in batches]
 
-    def one(batch):
+    def one(task):
+        share, batch = task
         sensors = sense(scenario, batch)
         runs = min(LANES, scenario.runs - batch * LANES)
-        return [
-            fly(scenario, sensors, filter_, sigma, runs=runs, stride=stride)
-            for filter_, sigma in jobs
-        ]
+        return [fly(scenario, sensors, *jobs[k], runs=runs, stride=stride) for k in share]
 
-    done = montecarlo.parallel_map(one, batches, threads=threads, client=client, label=label)
+    done = montecarlo.parallel_map(one, tasks, threads=threads, client=client, label=label)
+    found = {}
+    for (share, _), missions in zip(tasks, done, strict=True):
+        for job, mission in zip(share, missions, strict=True):
+            found.setdefault(job, []).append(mission)
     return [
         Mission(
-            np.concatenate([batch[job].means for batch in done], axis=-1),
-            np.concatenate([batch[job].series for batch in done], axis=-1),
-            np.concatenate([batch[job].P for batch in done], axis=-1),
+            *(
+                np.concatenate([getattr(batch, name) for batch in found[job]], axis=-1)
+                for name in ("means", "series", "P")
+            )
         )
         for job in range(len(jobs))
     ]
