@@ -73,7 +73,7 @@ def test_literal_fading_diverges_and_the_default_does_not(sensors):
 
 def test_matched_filter_carries_the_linear_covariance():
     scenario = study.Scenario(runs=2, duration_s=1200.0, initial_current="stationary")
-    _, covariances = imm_linear.gains(scenario, SIGMA)
+    _, covariances = imm_linear.design(scenario, SIGMA)
     sensors = study.sense(scenario, 0)
     path = scenario.path()
     z_free = study.fly(scenario, sensors, study.EKF(SIGMA), SIGMA, stride=1200)

@@ -32,26 +32,46 @@ def with_chain(filter_, p):
     )
 
 
-def chains(scenario):
-    """Fly the IMMs of the paper with every p of `STAY`, the current starting at zero."""
-    scenario = replace(scenario, initial_current="zero")
-    pairs = [study.AFEKF(scenario, scenario.sigma_filter[0], s) for s in scenario.sigma_filter[1:]]
-    filters = [with_chain(pair, p) for pair in pairs for p in STAY]
-    return study.sweep(scenario, filters, GRID, label="transition matrix")
+def chains(scenario, swept):
+    """Fly the IMMs of the paper with every p of `STAY`; `swept` is the sweep of the paper."""
+    known, filters = dict(swept), []
+    for pair in imms(scenario):
+        for one in (with_chain(pair, p) for p in STAY):
+            same = (one.transition, one.initial_probabilities)
+            if same == (scenario.transition, scenario.initial_probabilities):
+                known[one.name] = swept[pair.name]
+            filters.append(one)
+    found = study.sweep(scenario, filters, GRID, known=known, label="transition matrix")
+    return _only(found, filters)
 
 
 def stationary(scenario):
     """Fly the IMMs of the paper with the current starting from its stationary law."""
     scenario = replace(scenario, initial_current="stationary")
-    pairs = [study.AFEKF(scenario, scenario.sigma_filter[0], s) for s in scenario.sigma_filter[1:]]
-    return study.sweep(scenario, pairs, GRID, label="initial current")
+    return study.sweep(scenario, imms(scenario), GRID, label="initial current")
 
 
-def three(scenario):
-    """Fly IMMs of three models, with fading and without."""
+def three(scenario, swept):
+    """Fly IMMs of three models, with fading and without, beside those of two."""
     both = (study.AFEKF(scenario, 0.1, 0.5, 1.0), study.EKF(0.1, 0.5, 1.0))
     filters = [replace(with_chain(f, 0.9), name=f.name) for f in both]
-    return study.sweep(scenario, filters, GRID, label="three models")
+    first, *others = scenario.sigma_filter
+    pairs = [
+        make for s in others for make in (study.AFEKF(scenario, first, s), study.EKF(first, s))
+    ]
+    found = study.sweep(scenario, filters, GRID, known=swept, label="three models")
+    return _only(found, [*filters, *pairs])
+
+
+def imms(scenario):
+    """Return the IMMs of the paper."""
+    first, *others = scenario.sigma_filter
+    return [study.AFEKF(scenario, first, s) for s in others]
+
+
+def _only(found, filters):
+    names = [study.PURE.name, "optimal EKF", *(f.name for f in filters)]
+    return {name: found[name] for name in names}
 
 
 def changing(scenario, low=0.1, high=0.8, stride=60):

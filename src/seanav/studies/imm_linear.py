@@ -17,28 +17,30 @@ COLUMNS = ("position_m", "velocity_m_s", "levelling_deg", "heading_deg")
 
 
 @lru_cache(maxsize=4)
-def model(path, correlation_time, *, wrong_time=False):
-    """Return Phi (steps, n, n) and H (steps, n) along the true path.
-
-    n is 18; with `wrong_time` it is 21: three more states for the true current, whose
-    correlation time is then not that of the filter (see `mean_squares`).
-    """
-    latitude, _, v_n, heading = path.states()
+def _inertial_transitions(path):
+    """Return the transitions of the 15 inertial states along the true path."""
+    latitude = path.states()[0]
     steps = len(latitude) - 1
     middle = path.course(np.arange(steps) + 0.5)[0]
-    felt = path.increments()[1].reshape(steps, -1, 3).sum(axis=1)
-    n = inertial.STATES + (3 if wrong_time else 0)
-    Phi, H = np.zeros((steps, n, n)), np.zeros((steps, n))
-    Phi[:] = np.eye(n)
+    felt = path.increments(10)[1].reshape(steps, -1, 3).sum(axis=1)
+    F = np.empty((steps, 15, 15))
     s, c = np.sin(middle), np.cos(middle)
     for k in range(steps):
         C_bn = np.array([[c[k], -s[k], 0.0], [s[k], c[k], 0.0], [0.0, 0.0, 1.0]])
         position = (0.5 * (latitude[k] + latitude[k + 1]), 0.0, 0.0)
         v = path.speed * C_bn[:, 0]
-        F = inertial.error_dynamics(position, v, C_bn, C_bn @ felt[k], correlation_time)
-        Phi[k, :15, :15] += F[:15, :15] + 0.5 * F[:15, :15] @ F[:15, :15]
-    a, _ = currents.decay(1.0, correlation_time)
-    Phi[:, range(15, 18), range(15, 18)] = a
+        F[k] = inertial.error_dynamics(position, v, C_bn, C_bn @ felt[k], 1.0)[:15, :15]
+    return np.eye(15) + F + 0.5 * F @ F
+
+
+@lru_cache(maxsize=4)
+def model(path, correlation_time):
+    """Return Phi (steps, 18, 18) and H (steps, 18) along the true path."""
+    _, _, v_n, heading = path.states()
+    steps = len(heading) - 1
+    Phi, H = np.zeros((steps, 18, 18)), np.zeros((steps, 18))
+    Phi[:, :15, :15] = _inertial_transitions(path)
+    Phi[:, range(15, 18), range(15, 18)] = currents.decay(1.0, correlation_time)[0]
     ahead = np.stack([np.cos(heading), np.sin(heading), np.zeros(steps + 1)], axis=1)[1:]
     H[:, 3:5] = ahead[:, :2]
     H[:, 6:9] = -np.cross(ahead, v_n[1:])
@@ -68,8 +70,13 @@ def true_start(scenario, sigma):
     return M
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def gains(scenario, sigma_filter, correlation_time=None):
+    """Return the gains (steps, 18) of one EKF."""
+    return design(scenario, sigma_filter, correlation_time)[0]
+
+
+def design(scenario, sigma_filter, correlation_time=None):
     """Return the gains (steps, 18) and covariances (steps + 1, 18, 18) of one EKF."""
     T_c = correlation_time or scenario.correlation_time_s
     Phi, H = model(scenario.path(), T_c)
@@ -87,7 +94,7 @@ def mean_squares(scenario, sigma_filter):
     `sigma_filter` None is pure navigation.
     """
     Phi, H = model(scenario.path(), scenario.correlation_time_s)
-    K = np.zeros_like(H) if sigma_filter is None else gains(scenario, sigma_filter)[0]
+    K = np.zeros_like(H) if sigma_filter is None else gains(scenario, sigma_filter)
     q = currents.decay(1.0, scenario.correlation_time_s)[1]
     R = scenario.log_noise**2
 
@@ -103,7 +110,12 @@ def mean_squares(scenario, sigma_filter):
 
 def metres(scenario):
     """Return metres per radian of latitude and longitude, (steps + 1, 2)."""
-    latitude = scenario.path().states()[0]
+    return _metres(scenario.path())
+
+
+@lru_cache(maxsize=4)
+def _metres(path):
+    latitude = path.states()[0]
     R_n, R_t = np.vectorize(earth.radii)(latitude)
     return np.stack([R_n, R_t * np.cos(latitude)], axis=1)
 
@@ -126,7 +138,7 @@ def twin(scenario, sigma_filter, sigma_true, runs):
     The rows are those of `COLUMNS`, over time: m², (m/s)², rad², rad².
     """
     Phi, H = model(scenario.path(), scenario.correlation_time_s)
-    K, _ = gains(scenario, sigma_filter)
+    K = gains(scenario, sigma_filter)
     q = currents.decay(1.0, scenario.correlation_time_s)[1] * sigma_true**2
     spread = np.sqrt(process_noise(scenario, q))
     start = np.sqrt(np.diag(true_start(scenario, sigma_true)))
@@ -152,25 +164,17 @@ def twin(scenario, sigma_filter, sigma_true, runs):
 def wrong_time(scenario, sigma_filter, time_filter, sigma_true, time_true):
     """Return the TCEP (m) of an EKF whose correlation time is wrong as well.
 
-    The error in the current then follows δ' = a δ + (a − a_true) v_c − w: the true current
-    joins the state, 21 in all.
+    States 15 to 17 are here the filter's estimate of the current, which decays as the
+    filter believes, and 18 to 20 the true current, which decays as it does: 21 in all.
+    The log sees their difference.
     """
-    Phi, H = model(scenario.path(), time_filter, wrong_time=True)
-    K = np.zeros_like(H)
-    K[:, :18] = gains(scenario, sigma_filter, time_filter)[0]
-    a, _ = currents.decay(1.0, time_filter)
+    own, looked = model(scenario.path(), time_filter)
+    Phi, H, K = (np.zeros((len(own), *more)) for more in ((21, 21), (21,), (21,)))
+    Phi[:, :18, :18], H[:, :18], H[:, 18:] = own, looked, -looked[:, 15:]
+    K[:, :18] = gains(scenario, sigma_filter, time_filter)
     a_true, variance = currents.decay(1.0, time_true)
-    Phi = Phi.copy()
     Phi[:, range(18, 21), range(18, 21)] = a_true
-    Phi[:, range(15, 18), range(18, 21)] = a - a_true
     q = variance * sigma_true**2
-    # The same noise w drives both: a change of variables, v_c + δ = estimate, keeps Q diagonal.
-    # States 15..17 become the estimate of the current, which no noise drives.
-    change = np.eye(21)
-    change[15:18, 18:21] = np.eye(3)  # estimate = δ + v_c
-    back = np.linalg.inv(change)
-    Phi = change @ Phi @ back
-    H, K = H @ back, K @ change.T
     Q = np.r_[process_noise(scenario, 0.0), [q] * 3]
     M0 = np.zeros((21, 21))
     M0[:18, :18] = true_start(scenario, 0.0)

@@ -274,28 +274,41 @@ def sense(scenario, batch):
     )
 
 
-# A bounded store: one study after another meets the same runs.
+def _generators(seed, purpose, runs, batch):
+    """Return the generators of the runs of one batch."""
+    first = batch * LANES
+    return montecarlo.streams(seed, purpose, first + runs)[first:]
+
+
+# Bounded stores: one study after another meets the same runs.
+@lru_cache(maxsize=16)
+def _sense_inertial(path, errors, seed, runs, batch):
+    steps = int(path.duration)
+    theta, dv = np.empty((steps, 3, LANES)), np.empty((steps, 3, LANES))
+    bias = np.empty((6, LANES))
+    scale = np.repeat([errors.accelerometer_bias, errors.gyro_bias], 3)
+    noises = _generators(seed, "inertial noise", runs, batch)
+    biases = _generators(seed, "bias", runs, batch)
+    for lane, (noise, draw) in enumerate(zip(noises, biases, strict=True)):
+        bias[:, lane] = scale * draw.standard_normal(6)
+        theta[..., lane], dv[..., lane] = inertial.sensor_increments(
+            path, errors, noise, bias[:, lane]
+        )
+    for array in (theta, dv, bias):
+        array[..., runs:] = array[..., :1]  # idle lanes repeat the first run
+    return theta, dv, bias
+
+
 @lru_cache(maxsize=16)
 def _sense(path, errors, correlation_time, axes, start, initial, seed, runs, batch):
+    theta, dv, bias = _sense_inertial(path, errors, seed, runs, batch)
     steps = int(path.duration)
-    last = batch * LANES + runs
-    mine = slice(batch * LANES, last)
-
-    def generators(purpose):
-        return montecarlo.streams(seed, purpose, last)[mine]
-
-    theta, dv = np.empty((steps, 3, LANES)), np.empty((steps, 3, LANES))
     noise, log_noise = np.empty((steps, 3, LANES)), np.empty((steps, axes, LANES))
-    unit0, errors0, bias = np.zeros((3, LANES)), np.zeros((16, LANES)), np.empty((6, LANES))
-    scale = np.repeat([errors.accelerometer_bias, errors.gyro_bias], 3)
-    kinds = ("inertial noise", "bias", "current", "log noise", "initial errors")
-    for lane, (inertia, biases, flow, log, first) in enumerate(
-        zip(*map(generators, kinds), strict=True)
-    ):
-        bias[:, lane] = scale * biases.standard_normal(6)
-        theta[..., lane], dv[..., lane] = inertial.sensor_increments(
-            path, errors, inertia, bias[:, lane]
-        )
+    unit0, errors0 = np.zeros((3, LANES)), np.zeros((16, LANES))
+    kinds = [
+        _generators(seed, kind, runs, batch) for kind in ("current", "log noise", "initial errors")
+    ]
+    for lane, (flow, log, first) in enumerate(zip(*kinds, strict=True)):
         draw = flow.standard_normal(3)
         if start == "stationary":
             unit0[:, lane] = draw
@@ -303,8 +316,8 @@ def _sense(path, errors, correlation_time, axes, start, initial, seed, runs, bat
         log_noise[..., lane] = log.standard_normal((steps, 3))[:, :axes]
         if initial == "drawn":
             errors0[:7, lane] = first.standard_normal(7)
-    for array in (theta, dv, noise, log_noise, errors0, bias, unit0):
-        array[..., runs:] = array[..., :1]  # idle lanes repeat the first run
+    for array in (noise, log_noise, errors0, unit0):
+        array[..., runs:] = array[..., :1]
     unit = currents.gauss_markov(noise, unit0, 1.0, correlation_time)
     return Sensors(theta, dv, unit, log_noise, errors0, bias)
 
@@ -455,8 +468,20 @@ def fly_all(scenario, jobs, *, stride=0, threads=None, client=None, label=None):
     ]
 
 
-def sweep(scenario, filters=None, sigma_true=None, **options):
-    """Fly filters on the whole grid of true sigmas, with the optimal EKF and pure navigation.
+def sweep(scenario, filters=None, sigma_true=None, *, known=None, **options):
+    """Fly filters on a grid of true sigmas, with the optimal EKF and pure navigation.
+
+    Parameters
+    ----------
+    filters : list of Filter
+        Default: those of the paper.
+    sigma_true : sequence of float
+        Default: the grid of the scenario.
+    known : dict
+        Results of an earlier sweep of this scenario over its own grid; what it holds is
+        not flown again.
+    options
+        Of `fly_all`.
 
     Returns
     -------
@@ -465,12 +490,17 @@ def sweep(scenario, filters=None, sigma_true=None, **options):
         it and is flown once.
     """
     filters = paper_filters(scenario) if filters is None else list(filters)
-    grid = scenario.sigma_true if sigma_true is None else sigma_true
-    jobs = [(PURE, grid[0])]
-    for sigma in grid:
-        jobs += [(optimal(sigma), sigma), *((one, sigma) for one in filters)]
-    missions = fly_all(scenario, jobs, **options)
-    results = {PURE.name: [missions[0]] * len(grid)}
-    for (filter_, _), mission in zip(jobs[1:], missions[1:], strict=True):
+    grid = scenario.sigma_true if sigma_true is None else tuple(sigma_true)
+    if known is not None:
+        at = [scenario.sigma_true.index(sigma) for sigma in grid]
+        results = {name: [missions[k] for k in at] for name, missions in known.items()}
+        jobs = [(one, sigma) for sigma in grid for one in filters if one.name not in known]
+    else:
+        results, jobs = {}, [(PURE, grid[0])]
+        for sigma in grid:
+            jobs += [(optimal(sigma), sigma), *((one, sigma) for one in filters)]
+    for (filter_, _), mission in zip(jobs, fly_all(scenario, jobs, **options), strict=True):
         results.setdefault(filter_.name, []).append(mission)
+    if known is None:
+        results[PURE.name] *= len(grid)
     return results
