@@ -291,6 +291,8 @@ def test_curves_against_time_by_their_definitions(made_up):
     for k in (0, 5, 11):
         radius = np.sort(np.sqrt(north[k] ** 2 + east[k] ** 2))
         assert rms[k] == pytest.approx(np.sqrt((radius**2).mean()))
+        assert imm_scores.radial_rms(one)[k].value == pytest.approx(rms[k])
+        assert imm_scores.mode_curve(one)[k].value == pytest.approx(one.series[k, 17].mean())
         assert cep[k] == pytest.approx(radius[RUNS // 2 - 1 : RUNS // 2 + 1].mean())
         assert tcep[k] == pytest.approx(
             0.589 * sum(np.sqrt((x[: k + 1] ** 2).mean()) for x in (north, east))

@@ -2,19 +2,22 @@
 
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.ticker import NullFormatter
 
 from seanav.models import earth
+from seanav.montecarlo import Estimate
 from seanav.studies import imm_scores
 
 KM = 1e3
+SIGMA = r"$\sigma_T$ (m/s)"
 STYLES = {
     "pure navigation": {"color": "k", "ls": ":"},
-    "optimal EKF": {"color": "k", "marker": "o"},
-    "0.1": {"color": "C0", "marker": "^"},
-    "0.5": {"color": "C2", "marker": "s"},
-    "1": {"color": "C3", "marker": "D"},
-    "0.1,0.5": {"color": "C1", "marker": "v"},
-    "0.1,1": {"color": "C4", "marker": "P"},
+    "optimal EKF": {"color": "k", "ls": "-", "marker": "o"},
+    "0.1": {"color": "C1", "ls": "--", "marker": "^"},
+    "0.5": {"color": "C2", "ls": "-.", "marker": "s"},
+    "1": {"color": "C3", "ls": ":", "marker": "D"},
+    "0.1,0.5": {"color": "C1", "ls": "--", "marker": "v"},
+    "0.1,1": {"color": "C2", "ls": "-.", "marker": "P"},
 }
 
 
@@ -47,7 +50,7 @@ def structure(models=2):
         put(4.6, y, f"AFEKF {j + 1}: current model $\\sigma_{{f,{j + 1}}}$\n(14)-(17), (23)")
         axis.annotate("", (3.0, y), (2.2, 2), arrowprops=arrow)
         axis.annotate("", (7.7, 2), (6.2, y), arrowprops=arrow)
-        axis.annotate("", (5.4, 0.8), (4.6, y - 0.4), arrowprops=arrow)
+        axis.annotate("", (6.6, 0.85), (6.2, y), arrowprops=arrow)
     axis.annotate("", (8.6, 1.5), (7.6, 0.5), arrowprops=arrow)
     axis.annotate("", (1.3, 1.5), (4.0, 0.5), arrowprops=arrow)
     axis.text(2.1, 0.6, "previous $\\mu$, $\\hat x_j$, $P_j$", fontsize=8)
@@ -88,10 +91,10 @@ def tcep_and_rate(grid, results, names, linear=None):
         if name in names:
             rates = [imm_scores.rate(*one) for one in zip(results[name], pure, best, strict=True)]
             _band(right, grid, rates, name, style)
-    left.set(xlabel=r"$\sigma_T$ (m/s)", ylabel="TCEP (m)", ylim=(0, None), title="(a)")
+    left.set(xlabel=SIGMA, ylabel="TCEP (m)", ylim=(0, None), title="(a)")
     right.axhline(100, color="k", lw=0.8)
     right.axhline(90, color="0.6", lw=0.8, ls=":")
-    right.set(xlabel=r"$\sigma_T$ (m/s)", ylabel="TCEP rate (%)", title="(b)")
+    right.set(xlabel=SIGMA, ylabel="TCEP rate (%)", title="(b)")
     left.legend(fontsize=7)
     return fig
 
@@ -110,44 +113,57 @@ def modes(grid, results, names):
             _band(
                 axis, grid, [imm_scores.mode(m, model) for m in results[name]], name, _style(name)
             )
-        axis.set(xlabel=r"$\sigma_T$ (m/s)", ylabel=f"probability of sub-filter {model + 1}")
+        axis.set(xlabel=SIGMA, ylabel=f"probability of sub-filter {model + 1}")
         axis.set(ylim=(0, 1), title="(a)" if model == 0 else "(b)")
         axis.legend(fontsize=7)
     return fig
 
 
-def rates(grid, results, names, title):
-    """Draw TCEP rates with bands in one panel."""
-    fig, axis = plt.subplots(figsize=(5.4, 3.6))
+def rates(grid, results, panels):
+    """Draw TCEP rates with bands; `panels` maps a title to the names of its curves."""
+    fig, axes = plt.subplots(
+        1, len(panels), figsize=(5.0 * len(panels), 3.6), squeeze=False, sharey=True
+    )
     pure, best = results["pure navigation"], results["optimal EKF"]
-    for k, name in enumerate(names):
-        one = [imm_scores.rate(*three) for three in zip(results[name], pure, best, strict=True)]
-        style = {"color": f"C{k}", "marker": "osD^vPX*"[k % 8], "markersize": 4}
-        _band(axis, grid, one, name, style)
-    axis.axhline(90, color="0.6", lw=0.8, ls=":")
-    axis.set(xlabel=r"$\sigma_T$ (m/s)", ylabel="TCEP rate (%)", title=title)
-    axis.legend(fontsize=7)
+    for axis, (title, names) in zip(axes[0], panels.items(), strict=True):
+        for k, name in enumerate(names):
+            one = [imm_scores.rate(*three) for three in zip(results[name], pure, best, strict=True)]
+            style = {"color": f"C{k}", "marker": "osD^vPX*"[k % 8], "markersize": 4}
+            _band(axis, grid, one, name, style)
+        axis.axhline(90, color="0.6", lw=0.8, ls=":")
+        axis.set(xlabel=SIGMA, ylabel="TCEP rate (%)", title=title)
+        axis.legend(fontsize=7)
     return fig
 
 
-def lines(x, curves, xlabel, ylabel, *, log=False, vertical=None):
-    """Draw named curves in one panel."""
+def lines(x, curves, xlabel, ylabel, *, logx=False, logy=False, vertical=None, marker=None):
+    """Draw named curves in one panel; a curve of estimates gets its 95 % band."""
     fig, axis = plt.subplots(figsize=(5.4, 3.6))
     for k, (name, y) in enumerate(curves.items()):
-        axis.plot(x, y, label=name, color=f"C{k}")
+        style = {"color": f"C{k}", "marker": marker, "markersize": 4}
+        if isinstance(y[0], Estimate):
+            _band(axis, x, y, name, style)
+        else:
+            axis.plot(x, y, label=name, **style)
     if vertical is not None:
         axis.axvline(vertical, color="0.6", ls=":")
     axis.set(xlabel=xlabel, ylabel=ylabel)
-    if log:
-        axis.set_yscale("log")
+    for log, which in ((logx, axis.xaxis), (logy, axis.yaxis)):
+        if log:
+            which.axes.set(**{f"{which.axis_name}scale": "log"})
+            which.set_major_formatter("{x:g}")
+            which.set_minor_formatter(NullFormatter())
     axis.legend(fontsize=7)
     return fig
 
 
-def bars(names, values, xlabel, *, log=False, mark=None):
-    """Draw one horizontal bar for each name."""
+def bars(names, values, xlabel, *, log=False, mark=None, most=np.inf):
+    """Draw one horizontal bar for each name; one above `most` is cut and says so."""
     fig, axis = plt.subplots(figsize=(6.2, 0.9 + 0.27 * len(names)))
-    axis.barh(range(len(names)), values)
+    axis.barh(range(len(names)), np.minimum(values, most), color="0.45")
+    for k, value in enumerate(values):
+        if value > most:
+            axis.text(most, k, "diverges ", ha="right", va="center", color="w", fontsize=8)
     axis.set_yticks(range(len(names)), names, fontsize=8)
     axis.invert_yaxis()
     axis.set(xlabel=xlabel)

@@ -130,6 +130,16 @@ def nees(mission) -> Estimate:
     return montecarlo.mean(mission.means[6])
 
 
+def mode_curve(mission, model=0):
+    """Return the mode probability of one model at each record, mean over runs: estimates."""
+    return [montecarlo.mean(row) for row in mission.series[:, 17 + model]]
+
+
+def radial_rms(mission):
+    """Return the RMS position error (m) at each record: estimates."""
+    return [montecarlo.root_mean_square(row) for row in (mission.series[:, :2] ** 2).sum(axis=1)]
+
+
 def radial_curves(mission):
     """Return RMS, CEP and TCEP (m) against time, each of shape (records,)."""
     north, east = mission.series[:, 0], mission.series[:, 1]
