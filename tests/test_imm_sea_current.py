@@ -8,7 +8,8 @@ import pytest
 from scipy import stats
 
 from seanav.checks import ParameterError
-from seanav.models import currents
+from seanav.filters import ins
+from seanav.models import currents, inertial
 from seanav.studies import imm_appendix, imm_beyond, imm_linear, imm_scores
 from seanav.studies import imm_sea_current as study
 
@@ -79,7 +80,6 @@ def test_matched_filter_carries_the_linear_covariance():
     z_free = study.fly(scenario, sensors, study.EKF(SIGMA), SIGMA, stride=1200)
     assert z_free.series.shape == (1, 18, study.LANES)
     # The NEES of the kernel's own P and of the linear covariance agree on the same error.
-    from seanav.filters import ins
 
     e = z_free.series[0, :16].copy()
     e[:2] /= imm_linear.metres(scenario)[-1][:, None]
@@ -382,3 +382,40 @@ def test_models_and_chain_must_fit(sensors):
     triple = study.EKF(0.1, 0.5, 1.0)
     with pytest.raises(ParameterError, match="must fit the 3 models of IMM-EKF"):
         _fly(sensors, triple)
+
+
+def test_nonlinear_filter_with_H_at_the_truth_is_the_linear_model():
+    """Runs with errorless inertial sensors against the linear error equations, step by step."""
+    scenario = study.Scenario(runs=2, duration_s=1800.0)
+    path, steps, sigma = scenario.path(), 1800, 1.0
+    sensed = study.sense(scenario, 0)
+    theta, dv = np.empty((steps, 3)), np.empty((steps, 3))
+    inertial.preintegrate(*path.increments(), 100, theta, dv)
+    sides = (np.repeat(x[:, :, None], study.LANES, axis=2) for x in (theta, dv))
+    sensed = study.Sensors(
+        *map(np.ascontiguousarray, sides),
+        sensed.unit_current,
+        sensed.log_noise,
+        sensed.errors0,
+        np.zeros((6, study.LANES)),
+    )
+    (Phi, H), K = imm_linear.model(path, 7200.0), imm_linear.gains(scenario, 0.1)
+    unit, a = sensed.unit_current, currents.decay(1.0, 7200.0)[0]
+
+    def distance(sigma, about):
+        e, linear = np.zeros((18, study.LANES)), []
+        for k in range(steps):
+            e = Phi[k] @ e
+            e[15:] -= sigma * (unit[k + 1] - a * unit[k])
+            e = e - np.outer(K[k], H[k] @ e - scenario.log_noise * sensed.log_noise[k, 0])
+            linear.append(e[ins.KEPT][2:7])
+        linear = np.array(linear[299::300])
+        filter_ = dataclasses.replace(study.EKF(0.1), about=about)
+        flown = study.fly(scenario, sensed, filter_, sigma, stride=300)
+        scale = np.sqrt((linear**2).mean(axis=(0, 2)))[:, None]
+        return np.abs((flown.series[:, 2:7] - linear) / scale).max()
+
+    # What the linear model leaves out is of second order: relative to the error it grows with it.
+    near, far = distance(0.5, "truth"), distance(2.0, "truth")
+    assert 3 < far / near < 6
+    assert distance(0.5, "estimate") > 10 * near

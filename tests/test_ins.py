@@ -146,7 +146,7 @@ def test_H_matches_differences_at_a_large_current(axis):
     P, full = _covariance()
     h, u = np.zeros((8, LANES)), np.zeros((16, LANES))
     rho, S, z = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    ins._look(x, P.reshape(-1), z, axis, 0.01, h.reshape(-1), u.reshape(-1), rho, S)
+    ins._look(x, P.reshape(-1), z, axis, 0.01, 0, 0.0, h.reshape(-1), u.reshape(-1), rho, S)
     H = np.zeros((16, LANES))
     H[[2, 3, 4, 5, 6, 13, 14, 15]] = h
     for r in range(LANES):
@@ -161,7 +161,9 @@ def test_H_matches_differences_at_a_large_current(axis):
             e[column] = sign * 1e-4
             moved = x.copy()
             ins.shift(moved, e, 1.0)
-            ins._look(moved, P.reshape(-1), z, axis, 0.01, h.reshape(-1), u.reshape(-1), rho, S)
+            ins._look(
+                moved, P.reshape(-1), z, axis, 0.01, 0, 0.0, h.reshape(-1), u.reshape(-1), rho, S
+            )
             ends.append(rho.copy())
         assert (ends[0] - ends[1]) / 2e-4 == pytest.approx(H[column], abs=2e-7)
 
@@ -265,7 +267,7 @@ def _looked(x, P, z, R):
     """H (LANES, 16), residual and S of the forward axis, by the tested kernel and algebra."""
     h, u = np.zeros(8 * LANES), np.zeros(16 * LANES)
     rho, S = np.zeros(LANES), np.zeros(LANES)
-    ins._look(x, np.zeros(ins.PACKED * LANES), z, 0, R, h, u, rho, S)
+    ins._look(x, np.zeros(ins.PACKED * LANES), z, 0, R, 0, 0.0, h, u, rho, S)
     H = np.zeros((LANES, 16))
     H[:, [2, 3, 4, 5, 6, 13, 14, 15]] = h.reshape(8, LANES).T
     return H, rho, np.einsum("ri,rij,rj->r", H, P, H) + R

@@ -46,6 +46,10 @@ AT = np.maximum(AT, AT.T)
 PLACE = ROW[AT]  # the same in a flat array
 HALF = NAVIGATION * N * LANES
 
+# Where H is linearised. All but the first need the truth, so only a study can use them.
+ESTIMATE, TRUE_RELATIVE_VELOCITY, TRUTH = range(3)
+LINEARISED = {"estimate": ESTIMATE, "relative velocity": TRUE_RELATIVE_VELOCITY, "truth": TRUTH}
+
 # Rows of the coefficient array that `_predict_state` fills.
 _C = 0  # C_bn at mid-interval, 9, row by row
 _F = 9  # f_n, 3
@@ -219,8 +223,11 @@ def _predict_covariance(P, f, dt, decay, q_velocity, q_attitude, q_current, work
 
 
 @kernel
-def _look(x, P, z, axis, R, h, u, rho, S):
-    """Fill the row h of H (8 of 16 entries), u = P hᵀ, residual rho (predicted − z) and S."""
+def _look(x, P, z, axis, R, about, true_heading, h, u, rho, S):
+    """Fill the row h of H (8 of 16 entries), u = P hᵀ, residual rho (predicted − z) and S.
+
+    H is taken at the point that `about` names, the residual at the estimate.
+    """
     width = np.uint64(len(S))
     for r in range(LANES):
         w, a, b, c = x[4, r], x[5, r], x[6, r], x[7, r]
@@ -231,15 +238,16 @@ def _look(x, P, z, axis, R, h, u, rho, S):
         else:
             cn, ce, cd = 2.0 * (a * c + w * b), 2.0 * (b * c - w * a), 1.0 - 2.0 * (a * a + b * b)
         un, ue, ud = x[2, r] - x[14, r], x[3, r] - x[15, r], -x[16, r]
-        h[r], h[LANES + r] = cn, ce
-        h[2 * LANES + r], h[3 * LANES + r], h[4 * LANES + r] = (
-            ue * cd - ud * ce,
-            ud * cn - un * cd,
-            un * ce - ue * cn,
-        )
-        h[5 * LANES + r], h[6 * LANES + r], h[7 * LANES + r] = -cn, -ce, -cd
         rho[r] = cn * un + ce * ue + cd * ud - z[r]
         S[r] = R
+        if about == TRUTH:  # level, and only the forward axis has a linear counterpart
+            cn, ce, cd = math.cos(true_heading), math.sin(true_heading), 0.0
+        attitude = 1.0 if about == ESTIMATE else 0.0
+        h[r], h[LANES + r] = cn, ce
+        h[2 * LANES + r] = attitude * (ue * cd - ud * ce)
+        h[3 * LANES + r] = attitude * (ud * cn - un * cd)
+        h[4 * LANES + r] = attitude * (un * ce - ue * cn)
+        h[5 * LANES + r], h[6 * LANES + r], h[7 * LANES + r] = -cn, -ce, -cd
     for i in range(N):
         to = ROW[i]
         for r in range(width):
@@ -357,6 +365,7 @@ def _mission(
     steps, models = z.shape[0], x.shape[0]
     height, dt, R, cap = settings[0], settings[1], settings[2], settings[3]
     q_velocity, q_attitude, aided = settings[4], settings[5], settings[6] > 0.0
+    about = int(settings[7])
     f = np.zeros((COEFFICIENTS, LANES))
     flat_f, flat_P = f.reshape(-1), P.reshape((models, -1))
     work = np.zeros(2 * HALF + N * LANES)
@@ -375,6 +384,7 @@ def _mission(
     cholesky, centred = np.zeros((N, N + 1)), np.zeros((N, LANES))
 
     for step in range(steps):
+        heading = 2.0 * math.atan2(truth[step, 7], truth[step, 4])
         if models > 1:
             imm.interact(T, mu, predicted, weights)
             best[:] = x[0]
@@ -399,7 +409,7 @@ def _mission(
                 squared[:] = 0.0
                 spread[:] = 0.0
                 for axis in range(axes):
-                    _look(x[j], flat_P[j], z[step, axis], axis, R, h, u, rho, S)
+                    _look(x[j], flat_P[j], z[step, axis], axis, R, about, heading, h, u, rho, S)
                     for r in range(LANES):
                         squared[r] += rho[r] * rho[r]
                         spread[r] += S[r]
@@ -414,7 +424,7 @@ def _mission(
                 logs[j, r] = 0.0
                 nis[j, r] = 0.0
             for axis in range(axes):
-                _look(x[j], flat_P[j], z[step, axis], axis, R, h, u, rho, S)
+                _look(x[j], flat_P[j], z[step, axis], axis, R, about, heading, h, u, rho, S)
                 for r in range(LANES):
                     nis[j, r] += rho[r] * rho[r] / S[r]
                     if models > 1:
@@ -513,6 +523,7 @@ def fly(
     window=20,
     cap=10.0,
     aided=True,
+    about="estimate",
     stride=0,
     true_rest=None,
 ):
@@ -542,6 +553,9 @@ def fly(
         Of the fading.
     aided : bool
         False: pure inertial navigation.
+    about : str
+        Where H is linearised, a key of `LINEARISED`: at the estimate; with the attitude
+        columns of the true velocity through still water, zero; or wholly at the truth.
     stride : int
         Record the error every so many steps; 0: never.
     true_rest : (steps // stride, 9, LANES)
@@ -561,7 +575,7 @@ def fly(
     sums = np.zeros((len(SUMS) + models, LANES))
     series = np.zeros((max(records, 1), N + 1 + models, LANES))
     rest = np.zeros((max(records, 1), 9, LANES)) if true_rest is None else true_rest
-    settings = np.array([height, 1.0, R, cap, velocity_noise, attitude_noise, float(aided)])
+    settings = [height, 1.0, R, cap, velocity_noise, attitude_noise, aided, LINEARISED[about]]
     x = np.repeat(x0[None], models, axis=0)
     P = np.array(P0, dtype=float)
     mu = np.repeat(np.asarray(mu0, dtype=float)[:, None], LANES, axis=1)
@@ -574,7 +588,7 @@ def fly(
         P,
         mu,
         np.array(transition, dtype=float),
-        settings,
+        np.array(settings, dtype=float),
         np.array(noise, dtype=float),
         np.array([fading.FORMS[form] for form in forms]),
         window,

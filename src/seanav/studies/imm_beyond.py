@@ -97,6 +97,20 @@ def forms(scenario, sigma_filter=0.1, sigmas=(0.05, 1.0)):
     return {form: [next(missions) for _ in sigmas] for form in made}
 
 
+def linearised(scenario, about):
+    """Fly the EKFs of Tables 2 and 3 with H at the `about` of `seanav.filters.ins.fly`.
+
+    Returns
+    -------
+    dict
+        {(sigma_true, sigma_filter): Mission}
+    """
+    cases = [(sigma, one) for sigma in imm_scores.PRINTED_SIGMA.values() for one in (0.1, 0.5)]
+    jobs = [(replace(study.EKF(one), about=about), sigma) for sigma, one in cases]
+    missions = study.fly_all(scenario, jobs, label=f"H at the {about}")
+    return dict(zip(cases, missions, strict=True))
+
+
 def assumptions(scenario):
     """Return the table rows (what, RMS of ln(ours / printed)) of the EKF cells, linear.
 

@@ -197,6 +197,8 @@ class Filter:
         Of the IMM; None: those of the scenario.
     correlation_time_s : float
         Of the current model; None: that of the scenario.
+    about : str
+        Where H is linearised, see `seanav.filters.ins.fly`.
     """
 
     name: str
@@ -205,6 +207,7 @@ class Filter:
     transition: tuple | None = None
     initial_probabilities: tuple | None = None
     correlation_time_s: float | None = None
+    about: str = "estimate"
 
 
 PURE = Filter("pure navigation")
@@ -415,6 +418,7 @@ def fly(scenario, sensors, filter_, sigma_true, *, runs=LANES, stride=0):
         window=scenario.fading_window,
         cap=scenario.fading_cap,
         aided=bool(filter_.sigma),
+        about=filter_.about,
         stride=stride,
         true_rest=rest,
     )
