@@ -387,7 +387,7 @@ def test_models_and_chain_must_fit(sensors):
 def test_nonlinear_filter_with_H_at_the_truth_is_the_linear_model():
     """Runs with errorless inertial sensors against the linear error equations, step by step."""
     scenario = study.Scenario(runs=2, duration_s=1800.0)
-    path, steps, sigma = scenario.path(), 1800, 1.0
+    path, steps = scenario.path(), 1800
     sensed = study.sense(scenario, 0)
     theta, dv = np.empty((steps, 3)), np.empty((steps, 3))
     inertial.preintegrate(*path.increments(), 100, theta, dv)
