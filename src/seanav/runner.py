@@ -97,8 +97,13 @@ def overrides(known: dict, words: list[str]) -> dict:
         if not _fits(value, known[name]):
             kind, example = type(known[name]).__name__, known[name]
             raise ParameterError(name, value, f"must be of type {kind}, such as {example!r}")
-        chosen[name] = float(value) if isinstance(known[name], float) else value
+        chosen[name] = float(value) if isinstance(known[name], float) else _lists(value)
     return chosen
+
+
+def _lists(value):
+    # papermill would hand a tuple over as a string.
+    return [_lists(x) for x in value] if isinstance(value, (list, tuple)) else value
 
 
 # ---------------------------------------------------------------- running
@@ -365,10 +370,12 @@ def check(root: Path, fresh: Path, rtol: float = 1e-6) -> list[str]:
             continue
         now = _provenance(root, stem)
         wrong += [
-            f"{stem}: {key} are not those of the manifest" for key in now if now[key] != entry[key]
+            f"{stem}: {key} are not those of the manifest"
+            for key in now
+            if now[key] != entry.get(key)
         ]
         about = json.loads((fresh / f"{stem}.json").read_text())
-        old, new = _flat({key: entry[key] for key in about}), _flat(about)
+        old, new = _flat({key: entry.get(key) for key in about}), _flat(about)
         wrong += _differences(f"{stem}/manifest", old, new, rtol, exceptions)
         names = {p.name for p in [*committed.iterdir(), *(fresh / stem).iterdir()]}
         for name in sorted(names):
