@@ -555,9 +555,8 @@ def test_nbval_is_strict_and_takes_what_is_stored(finished):
         stored.execution_count = 1
         stored.outputs = [new_output("stream", name="stdout", text="mean 2.34\n")]
     save(finished, *cells, stem="8_wrong")
-    # As ``make test`` does it.
+    # As ``make test`` does it, in one process.
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--nbval"]
-    command += ["-n", "2", "--dist", "loadfile"]
     config = ["-c", str(CHECKOUT / "pyproject.toml"), "--rootdir", str(finished)]
     done = subprocess.run(
         [*command, *config, str(finished / "notebooks")],
