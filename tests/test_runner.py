@@ -287,6 +287,21 @@ def test_failed_run_leaves_the_results_alone(root, name, capsys):
     assert not (root / "build" / "stamps").exists()
 
 
+def test_interrupted_run_leaves_the_results_alone(finished, monkeypatch, capsys):
+    before = tree(finished / "paper_figures")
+
+    def interrupt(*_, **__):
+        (finished / "build" / "full" / "9_tiny").mkdir()  # begun, not complete
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("papermill.execute_notebook", interrupt)
+    assert main(["--root", str(finished), "run"]) == 1
+    assert capsys.readouterr().err == "interrupted\n"
+    assert tree(finished / "paper_figures") == before
+    with pytest.raises(Refused, match="no full run"):
+        runner.store(finished, "9_tiny")
+
+
 @pytest.mark.parametrize("word", ["run=5", "runs=abc"])
 def test_bad_command_line_runs_nothing(root, word, capsys):
     save(root, cell("open('ran', 'w')"))
