@@ -260,6 +260,12 @@ def test_files_are_byte_identical_on_a_rerun(results, monkeypatch):
     assert once("1000000000") == once("1700000000")
 
 
+def test_pictures_do_not_name_the_program_that_drew_them(report, results):
+    fill(report)
+    for path in results.glob("figure_*"):
+        assert b"matplotlib" not in path.read_bytes().lower(), path.name
+
+
 def test_figure_is_the_saved_picture_with_200_dots_per_inch(report, results):
     picture = fill(report)
     assert picture.data == (results / "figure_01.png").read_bytes()
