@@ -233,14 +233,12 @@ def dependencies(root: Path, stem: str) -> list[Path]:
     while todo:
         name = todo.pop()
         base = root / "src" / name.replace(".", "/")
-        path = next(
-            (p for p in (base.with_suffix(".py"), base / "__init__.py") if p.is_file()), None
-        )
-        if name not in found and path:
+        module, package = base.with_suffix(".py"), base / "__init__.py"
+        path = module if module.is_file() else package
+        if name not in found and path.is_file():
             found[name] = path
-            todo |= imports(
-                path.read_text(), name if path.parent == base else name.rpartition(".")[0]
-            )
+            within = name if path == package else name.rpartition(".")[0]
+            todo |= imports(path.read_text(), within)
     # Data files, such as the plot style, belong to the modules beside them.
     data = {p for path in found.values() for p in path.parent.iterdir() if p.is_file()}
     return sorted({*found.values(), *(p for p in data if p.suffix not in (".py", ".pyc"))})
@@ -429,7 +427,6 @@ def _differences(name, old, new, rtol, exceptions):
 
 def _close(a, b, allowed):
     try:
-        close = math.isclose(float(a), float(b), rel_tol=allowed["rtol"], abs_tol=allowed["atol"])
+        return math.isclose(float(a), float(b), rel_tol=allowed["rtol"], abs_tol=allowed["atol"])
     except (TypeError, ValueError):
         return a == b
-    return close
