@@ -479,6 +479,10 @@ def edit(path, old, new):
     path.write_text(text.replace(old, new, 1))
 
 
+def append(path, text):
+    path.write_text(path.read_text() + text)
+
+
 def test_equal_results_pass(finished, fresh, capsys):
     assert runner.check(finished, fresh) == []
     assert "9_tiny/figure_01.png: identical" in capsys.readouterr().out
@@ -500,6 +504,8 @@ DAMAGE = {
     "verdict": lambda new, root: edit(new / "9_tiny/claims.json", '"reproduced"', '"partly"'),
     "end of an interval": lambda new, root: edit(new / "9_tiny/claims.json", "[\n      ", "[\n 9"),
     "row more": lambda new, root: edit(new / "9_tiny/table_1.csv", "\n2,", "\n1,1\n2,"),
+    "row at the end": lambda new, root: append(new / "9_tiny/table_1.csv", "3,3\n"),
+    "row less": lambda new, root: append(root / "paper_figures/9_tiny/table_1.csv", "3,3\n"),
     "renamed column": lambda new, root: edit(new / "9_tiny/table_1.csv", "mean", "median"),
     "missing figure": lambda new, root: (new / "9_tiny/figure_01.pdf").unlink(),
     "figure more": lambda new, root: (new / "9_tiny/figure_02.png").write_text(""),
@@ -520,6 +526,7 @@ DAMAGE = {
 
 @pytest.mark.parametrize("name", DAMAGE)
 def test_damage_is_seen(finished, fresh, name, capsys):
+    assert runner.check(finished, fresh) == []
     DAMAGE[name](fresh, finished)
     assert main(["--root", str(finished), "check"]) == 1
     assert capsys.readouterr().err.strip()
