@@ -519,6 +519,9 @@ DAMAGE = {
     "edited report": lambda new, root: edit(root / "paper_figures/REPORT.md", "1 of 1", "2 of 1"),
     "other lock": lambda new, root: edit(root / "requirements.lock", "numpy", "Numpy"),
     "cut manifest": lambda new, root: edit(root / "paper_figures/manifest.json", '"lock"', '"l"'),
+    "other numpy": lambda new, root: edit(
+        root / "paper_figures/manifest.json", '"numpy": "2', '"numpy": "1'
+    ),
     "no manifest": lambda new, root: (root / "paper_figures/manifest.json").unlink(),
     "stray paper": lambda new, root: (root / "paper_figures/3_stray").mkdir(),
 }
