@@ -365,11 +365,8 @@ def check(root: Path, fresh: Path, rtol: float = 1e-6) -> list[str]:
             wrong.append(f"{stem}: no complete results in {fresh.name}")
             continue
         now = _provenance(root, stem)
-        wrong += [
-            f"{stem}: {key} are not those of the manifest"
-            for key in now
-            if now[key] != entry.get(key)
-        ]
+        changed = [key for key in now if now[key] != entry.get(key)]
+        wrong += [f"{stem}: {key} are not those of the manifest" for key in changed]
         about = json.loads((fresh / f"{stem}.json").read_text())
         old, new = _flat({key: entry.get(key) for key in about}), _flat(about)
         wrong += _differences(f"{stem}/manifest", old, new, rtol, exceptions)
