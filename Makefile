@@ -49,7 +49,7 @@ endif
 
 ifneq ($(strip $(QUICK)$(PARAMS)),)
 figures: $(ENVIRONMENT)
-	@$(SEANAV) run $(if $(PAPER),--paper $(PAPER)) $(if $(QUICK),--quick) $(if $(PARAMS),--param $(PARAMS))
+	@$(SEANAV) run $(if $(PAPER),--paper $(PAPER)) $(if $(QUICK),--quick) $(if $(PARAMS),--param $(foreach word,$(PARAMS),'$(word)'))
 else
 figures: $(STAMPS) ## all results into paper_figures/; [PAPER=5] [QUICK=1] [PARAMS="runs=200 seed=7"]: into build/
 endif
@@ -65,7 +65,8 @@ test: $(ENVIRONMENT) ## all tests, then every notebook against its stored output
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 	rm -rf build/nbval
 ifneq ($(PAPERS),)
-	SEANAV_RESULTS=$(CURDIR)/build/nbval $(BIN)/python -m pytest -p no:cacheprovider --nbval --nbval-cell-timeout=1800 notebooks
+	SEANAV_RESULTS=$(CURDIR)/build/nbval $(BIN)/python -m pytest -p no:cacheprovider -n 2 --dist loadfile \
+	  --nbval --nbval-cell-timeout=1800 notebooks
 endif
 	$(SEANAV) check
 

@@ -23,6 +23,11 @@ def test_not_an_integer_of_at_least_two(value):
     assert str(caught.value) == f"runs = {value!r}: must be an integer of at least 2"
 
 
+def test_a_truth_value_is_no_integer():
+    with pytest.raises(ParameterError, match=r"^runs = True: must be an integer of at least 0$"):
+        integer("runs", True, at_least=0)
+
+
 def test_integer_above_its_bound():
     with pytest.raises(ParameterError, match=r"^k = 9: must be .* at least 2 and at most 8$"):
         integer("k", 9, at_least=2, at_most=8)

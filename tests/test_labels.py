@@ -81,14 +81,38 @@ def test_tolerance_costs_at_most_what_a_star_costs_and_never_beats_the_optimum(s
 @pytest.mark.parametrize("seed", range(4))
 def test_search_is_the_textbook_label_search(seed, epsilon):
     this = walks.problem(walks.field(4, 6, seed), (0, 3), (5, 0), process_noise=0.01)
+    assert_textbook_search(this, epsilon)
+
+
+def assert_textbook_search(this, epsilon, limit=1_000_000):
+    """Compare with the search from plain lists, label for label; both know the straight walk."""
     table = labels.gain_table(this["gradient"])
     known = planning.Plan(walks.straight(this), None, None, None, None)
-    plan = labels.plan_labels(**this, epsilon=epsilon, incumbent=known)
-    cost, expanded, made = walks.textbook_labels(
-        this, epsilon, lambda node, P: remaining(this, table, node, P)
+    plan = labels.plan_labels(**this, epsilon=epsilon, incumbent=known, max_expansions=limit)
+    nodes, cost, lowest, expanded, made = walks.textbook_labels(
+        this, epsilon, lambda node, P: remaining(this, table, node, P), limit
     )
+    np.testing.assert_array_equal(plan.nodes, nodes)
     assert plan.cost == pytest.approx(cost, rel=1e-12)
     assert (plan.expanded, plan.labels) == (expanded, made)
+    if epsilon == 0.0:
+        assert plan.lower_bound == pytest.approx(lowest, rel=1e-12)
+        assert plan.complete == (lowest == cost)
+
+
+@pytest.mark.parametrize("limit", [1, 7, 30, 100])
+@pytest.mark.parametrize("seed", range(4))
+def test_search_that_is_cut_off_certifies_the_lowest_open_label(seed, limit):
+    this = walks.problem(walks.field(4, 6, seed), (0, 3), (5, 0), process_noise=0.01)
+    assert_textbook_search(this, 0.0, limit)
+
+
+@pytest.mark.parametrize(("kinds", "seed"), [(1, 0), (2, 0), (2, 1), (2, 2)])
+def test_ties_go_to_the_older_label_and_equal_covariances_are_equal(kinds, seed):
+    # Slopes of one or two kinds: many walks cost the same, or end in the same P up to rounding.
+    kind = np.random.default_rng(seed).integers(0, kinds, (5, 8))
+    gradient = np.stack([1.0 - 0.7 * kind, 0.5 * kind + 0.25])
+    assert_textbook_search(walks.problem(gradient, (0, 2), (7, 1), process_noise=0.0), 0.0)
 
 
 def test_covariances_are_compared_by_the_eigenvalues_of_their_difference():
@@ -265,6 +289,13 @@ def test_incumbent_must_lead_from_start_to_goal(change):
     other = planning.plan(**task(0) | change)
     with pytest.raises(ParameterError, match=r"^incumbent = .* from start to goal$"):
         labels.plan_labels(**task(0), epsilon=0.3, incumbent=other)
+
+
+@pytest.mark.parametrize("middle", [[], [START], [(2, 1), (2, 3)]])
+def test_incumbent_must_be_a_walk(middle):
+    jumps = planning.Plan(np.array([START, *middle, GOAL]), None, None, None, None)
+    with pytest.raises(ParameterError, match=r"^incumbent = .* over adjacent nodes"):
+        labels.plan_labels(**task(0), epsilon=0.3, incumbent=jumps)
 
 
 def test_table_must_fit_the_map():

@@ -4,6 +4,7 @@ import math
 import os
 import threading
 import time
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 
 import nbformat
@@ -40,6 +41,13 @@ def test_streams_differ_between_runs_purposes_and_seeds():
     for other in (base[1], normals(7, "drift", 1, (100,))[0], normals(8, "gyro", 1, (100,))[0]):
         assert abs(np.corrcoef(base[0], other)[0, 1]) < 0.4
     assert not np.array_equal(base[0], base[1])
+
+
+def test_streams_are_those_of_the_seed_the_name_and_the_run_on_every_machine():
+    for run, generator in enumerate(streams(7, "gyro", 3)):
+        sequence = np.random.SeedSequence(7, spawn_key=(zlib.crc32(b"gyro"), run))
+        expected = np.random.default_rng(sequence).standard_normal(5)
+        np.testing.assert_array_equal(generator.standard_normal(5), expected)
 
 
 def test_normals_are_standard_normal_over_runs():

@@ -1,4 +1,4 @@
-"""Paper 5's whole notebook, run by the strict runner on maps that are not the default one.
+"""Paper 5's whole notebook on maps that are not the default one.
 
 What each file format must give is tested in `test_gravity_files`; here every cell must run on it.
 """
@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 import rasterio
 import rasterio.warp
+from matplotlib.figure import Figure
 from rasterio.transform import Affine
 
 from seanav import runner
+from seanav.checks import ParameterError
 from seanav.runner import Refused
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -99,13 +101,39 @@ def root(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("kind", SOURCES)
-def test_every_cell_runs_on(kind, root):
-    source = SOURCES[kind](root / "grid")
-    results = runner.run(root, STEM, words=(*SMALL, f"map_source={source}"))
+def code_cells():
+    """Return the sources of the code cells and the defaults of the first one's parameters."""
+    book = runner.notebook(CHECKOUT, STEM)
+    return [c.source for c in book.cells if c.cell_type == "code"], runner.defaults(book)
+
+
+def check(results):
     claims = json.loads((results / "claims.json").read_text())
     assert list(claims) == [f"5.{number}" for number in range(1, 12)]
     assert len(list(results.glob("figure_0*.png"))) == 8
+
+
+@pytest.mark.parametrize("kind", SOURCES)
+def test_every_cell_runs_on(kind, tmp_path, monkeypatch):
+    # In this process and with coarse pictures: most of a run's time goes into fine ones.
+    def coarse(figure, path, **_):
+        if path.suffix == ".png":
+            save(figure, path, dpi=20)
+
+    save = Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", coarse)
+    monkeypatch.setenv("SEANAV_RESULTS", str(tmp_path / "results"))
+    (_, *cells), known = code_cells()
+    source = SOURCES[kind](tmp_path / "grid")
+    names = known | runner.overrides(known, [*SMALL, f"map_source={source}"])
+    for cell in cells:
+        exec(cell, names)
+    check(tmp_path / "results" / STEM)
+
+
+def test_strict_run_with_a_grid_file(root):
+    source = SOURCES["netcdf4"](root / "grid")
+    check(runner.run(root, STEM, words=(*SMALL, f"map_source={source.name}")))
     assert not (root / "paper_figures").exists()
 
 
@@ -120,10 +148,16 @@ def test_every_cell_runs_on(kind, root):
         ("epsilon=-1", "epsilon = -1.0: must be a finite number at least 0"),
     ],
 )
-def test_bad_input_is_one_line_and_leaves_nothing(word, message, root):
-    with pytest.raises(Refused) as error:
-        runner.run(root, STEM, words=(word,))
-    assert str(error.value).startswith(f"{STEM}: {message}")
+def test_bad_input_is_one_line_of_the_first_cell(word, message):
+    (_, first, *_), known = code_cells()
+    with pytest.raises(ParameterError) as error:
+        exec(first, known | runner.overrides(known, [word]))
+    assert str(error.value).startswith(message)
     assert "\n" not in str(error.value)
+
+
+def test_bad_input_leaves_nothing(root):
+    with pytest.raises(Refused, match=rf"^{STEM}: map_source = 'none\.nc': [^\n]*$"):
+        runner.run(root, STEM, words=("map_source=none.nc",))
     assert not (root / "paper_figures").exists()
     assert (root / "build" / "failed" / f"{STEM}.ipynb").exists()

@@ -46,6 +46,8 @@ def between(low, high):
         (110.04, "110"),
         (12345.6, "12300"),
         (999.6, "1000"),
+        (9.996, "10.0"),
+        (999999.6, "1.00e+06"),
         (0.00012345, "0.000123"),
         (0.000012345, "1.23e-05"),
         (1234567.0, "1.23e+06"),
@@ -258,6 +260,12 @@ def test_files_are_byte_identical_on_a_rerun(results, monkeypatch):
         return {path.name: path.read_bytes() for path in results.iterdir()}
 
     assert once("1000000000") == once("1700000000")
+
+
+def test_pictures_do_not_name_the_program_that_drew_them(report, results):
+    fill(report)
+    for path in results.glob("figure_*"):
+        assert b"matplotlib" not in path.read_bytes().lower(), path.name
 
 
 def test_figure_is_the_saved_picture_with_200_dots_per_inch(report, results):

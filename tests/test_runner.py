@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -77,7 +78,7 @@ def root(tmp_path, monkeypatch):
 def empty_checkout(root):
     without = shutil.ignore_patterns("__pycache__")
     shutil.copytree(CHECKOUT / "src", root / "src", ignore=without)
-    for name in ("pyproject.toml", "requirements.lock"):
+    for name in ("pyproject.toml", "requirements.lock", "Makefile"):
         shutil.copy(CHECKOUT / name, root)
     return root
 
@@ -159,7 +160,8 @@ KNOWN = {"runs": 20, "noise": 2.0, "name": "real", "radii": (1.0, 2.0), "quick":
         ("name=a=b.nc", "a=b.nc"),
         ("name=12", "12"),
         ("radii=[1, 2.5]", [1, 2.5]),
-        ("radii=(3,)", (3,)),
+        ("radii=(3,)", [3]),
+        ("x=[(1, 2), 3]", [[1, 2], 3]),
         ("quick=True", True),
         ("x=text", "text"),
         ("x=7", 7),
@@ -224,18 +226,13 @@ def test_full_run_publishes_everything(finished):
     assert not (finished / "build" / "failed").exists()
 
 
-def test_second_full_run_is_byte_identical(finished):
-    before = tree(finished / "paper_figures")
-    runner.run(finished, "9_tiny")
-    assert tree(finished / "paper_figures") == before
-
-
 def test_manifest_keeps_other_papers_and_drops_lost_ones(finished):
     path = finished / "paper_figures" / "manifest.json"
     entry = json.loads(path.read_text())["9_tiny"]
     path.write_text(json.dumps({"8_other": entry, "7_gone": entry}))
     save(finished, stem="8_other")
-    runner.run(finished, "9_tiny")
+    shutil.move(finished / "paper_figures" / "9_tiny", finished / "build" / "full")
+    runner._publish(finished, "9_tiny", started=0)
     assert list(json.loads(path.read_text())) == ["8_other", "9_tiny"]
 
 
@@ -257,17 +254,17 @@ FAILURES = {
     "error": (["1 / 0"], "9_tiny: cell 2: ZeroDivisionError: division by zero", ()),
     "tolerated error": (["1 / 0 # tagged"], "9_tiny: cell 2: ZeroDivisionError", ()),
     "stderr": (
-        ["import warnings\nwarnings.warn('odd')", STUDY, REPORT, FINISH],
+        ["import warnings\nwarnings.warn('odd')"],
         "9_tiny: cell 2 wrote to stderr",
         (),
     ),
     "path": (
-        [STUDY, REPORT, FINISH, "print(report._folder)"],
-        "9_tiny: cell 5 prints a path of this machine",
+        ["import os\nprint(os.getcwd())"],
+        "9_tiny: cell 2 prints a path of this machine",
         (),
     ),
-    "unfinished": ([STUDY, REPORT], "9_tiny: the notebook did not call report.finish()", ()),
-    "exit": (["raise SystemExit(0)", STUDY], "9_tiny: ", ()),
+    "unfinished": (["1"], "9_tiny: the notebook did not call report.finish()", ()),
+    "exit": (["raise SystemExit(0)"], "9_tiny: cell 2: SystemExit: 0", ()),
     "dead kernel": (["import os\nos._exit(3)"], "9_tiny: DeadKernelError: ", ()),
 }
 
@@ -290,6 +287,21 @@ def test_failed_run_leaves_the_results_alone(root, name, capsys):
     assert not (root / "build" / "stamps").exists()
 
 
+def test_interrupted_run_leaves_the_results_alone(finished, monkeypatch, capsys):
+    before = tree(finished / "paper_figures")
+
+    def interrupt(*_, **__):
+        (finished / "build" / "full" / "9_tiny").mkdir()  # begun, not complete
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("papermill.execute_notebook", interrupt)
+    assert main(["--root", str(finished), "run"]) == 1
+    assert capsys.readouterr().err == "interrupted\n"
+    assert tree(finished / "paper_figures") == before
+    with pytest.raises(Refused, match="no full run"):
+        runner.store(finished, "9_tiny")
+
+
 @pytest.mark.parametrize("word", ["run=5", "runs=abc"])
 def test_bad_command_line_runs_nothing(root, word, capsys):
     save(root, cell("open('ran', 'w')"))
@@ -303,7 +315,7 @@ def test_bad_command_line_runs_nothing(root, word, capsys):
 # ---------------------------------------------------------------- stored outputs and stamps
 
 
-def test_stored_notebook_is_clean_and_stays_the_same(finished):
+def test_stored_notebook_is_clean_and_a_second_run_changes_no_byte(finished):
     path = finished / "notebooks" / "9_tiny.ipynb"
     runner.store(finished, "9_tiny")
     text = path.read_text()
@@ -314,9 +326,11 @@ def test_stored_notebook_is_clean_and_stays_the_same(finished):
     assert book.metadata.language_info == {"name": "python"}
     for trace in ("papermill", "batches:", "iopub", "SEANAV", str(finished), "wall"):
         assert trace not in text.replace('label=\\"batches', "")
+    results = tree(finished / "paper_figures")
     runner.run(finished, "9_tiny")
     runner.store(finished, "9_tiny")
     assert path.read_text() == text
+    assert tree(finished / "paper_figures") == results
 
 
 def test_storing_does_not_make_the_run_look_old(finished):
@@ -368,6 +382,85 @@ def test_dependencies_follow_every_form_of_import(root):
     assert found == sources.keys() - {"runner.py", "studies/b.py", "filters/unused.py"}
 
 
+# ---------------------------------------------------------------- make
+
+
+def make(root, *words):
+    """Call make as from a shell of its own, not as from the make that runs the tests."""
+    ours = ("MAKE", "MFLAGS", "PYTHON", "PAPER", "QUICK", "PARAMS")
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(ours)}
+    command = ["make", f"PYTHON={sys.executable}", *words]
+    return subprocess.run(command, cwd=root, env=clean, check=False, capture_output=True, text=True)
+
+
+def planned(root, *words):
+    """Return what ``make figures`` would call, its environment taken as built."""
+    built = ".venv/.built-{}.{}.{}".format(*sys.version_info)
+    done = make(root, "--dry-run", f"--old-file={built}", "figures", *words)
+    assert done.returncode == 0, done.stderr
+    calls = [line.partition("-m seanav ")[2] for line in done.stdout.splitlines()]
+    return [" ".join(call.split()) for call in calls if call]
+
+
+def test_make_runs_what_a_changed_file_concerns(finished):
+    assert planned(finished) == []
+    package = finished / "src" / "seanav"
+    for path in (package / "runner.py", package / "studies" / "__init__.py"):
+        os.utime(path, (2e9, 2e9))  # no notebook imports them
+    assert planned(finished) == []
+    files = ("notebooks/9_tiny.ipynb", "src/seanav/report.py", "src/seanav/seanav.mplstyle")
+    for path in map(finished.joinpath, (*files, "requirements.lock")):
+        before = path.stat()
+        os.utime(path, (2e9, 2e9))
+        assert planned(finished) == ["run --paper 9_tiny"], path
+        os.utime(path, (before.st_atime, before.st_mtime))
+    assert planned(finished) == []
+    (package / "checks.py").unlink()  # a file that is gone must not stop make
+    assert planned(finished) == ["run --paper 9_tiny"]
+
+
+def test_make_runs_new_papers_and_lost_results(finished):
+    save(finished, stem="8_other")
+    assert planned(finished) == ["run --paper 8_other"]
+    assert planned(finished, "PAPER=9") == []
+    (finished / "paper_figures" / "9_tiny" / "claims.json").unlink()
+    assert planned(finished, "PAPER=9") == planned(finished, "PAPER=9_tiny")
+    assert planned(finished, "PAPER=9") == ["run --paper 9_tiny"]
+
+
+def test_make_hands_quick_and_parameters_to_the_runner(finished):
+    assert planned(finished, "QUICK=1") == ["run --quick"]
+    assert planned(finished, "PAPER=9", "QUICK=1", "PARAMS=runs=30 radii=(1,2)") == [
+        "run --paper 9 --quick --param 'runs=30' 'radii=(1,2)'"
+    ]
+
+
+def test_make_names_a_paper_that_is_not_there(root):
+    save(root)
+    done = make(root, "figures", "PAPER=7")
+    assert done.returncode == 2
+    assert "no paper 7; there are: 9_tiny." in done.stderr
+
+
+INTERPRETERS = {
+    "too old": ("3.10.4", 0, "is Python 3.10.4, not 3.11 to 3.13: say make PYTHON=..."),
+    "without venv": ("3.11.9", 1, "lacks its venv module: install it"),
+    "none": ("", 1, "does not run: install Python 3.11, 3.12 or 3.13"),
+}
+
+
+@pytest.mark.parametrize("name", INTERPRETERS)
+def test_make_says_what_an_interpreter_lacks(root, name):
+    version, status, message = INTERPRETERS[name]
+    python = root / "python"
+    python.write_text(f'#!/bin/sh\ncase "$*" in *version*) echo {version};; esac\nexit {status}\n')
+    python.chmod(0o755)
+    done = make(root, "figures", "QUICK=1", f"PYTHON={python}")
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"{python} {message}")
+    assert not (root / ".venv").exists()
+
+
 # ---------------------------------------------------------------- comparing
 
 
@@ -384,6 +477,10 @@ def edit(path, old, new):
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
+
+
+def append(path, text):
+    path.write_text(path.read_text() + text)
 
 
 def test_equal_results_pass(finished, fresh, capsys):
@@ -407,6 +504,8 @@ DAMAGE = {
     "verdict": lambda new, root: edit(new / "9_tiny/claims.json", '"reproduced"', '"partly"'),
     "end of an interval": lambda new, root: edit(new / "9_tiny/claims.json", "[\n      ", "[\n 9"),
     "row more": lambda new, root: edit(new / "9_tiny/table_1.csv", "\n2,", "\n1,1\n2,"),
+    "row at the end": lambda new, root: append(new / "9_tiny/table_1.csv", "3,3\n"),
+    "row less": lambda new, root: append(root / "paper_figures/9_tiny/table_1.csv", "3,3\n"),
     "renamed column": lambda new, root: edit(new / "9_tiny/table_1.csv", "mean", "median"),
     "missing figure": lambda new, root: (new / "9_tiny/figure_01.pdf").unlink(),
     "figure more": lambda new, root: (new / "9_tiny/figure_02.png").write_text(""),
@@ -419,6 +518,10 @@ DAMAGE = {
     ),
     "edited report": lambda new, root: edit(root / "paper_figures/REPORT.md", "1 of 1", "2 of 1"),
     "other lock": lambda new, root: edit(root / "requirements.lock", "numpy", "Numpy"),
+    "cut manifest": lambda new, root: edit(root / "paper_figures/manifest.json", '"lock"', '"l"'),
+    "other numpy": lambda new, root: edit(
+        root / "paper_figures/manifest.json", '"numpy": "2', '"numpy": "1'
+    ),
     "no manifest": lambda new, root: (root / "paper_figures/manifest.json").unlink(),
     "stray paper": lambda new, root: (root / "paper_figures/3_stray").mkdir(),
 }
@@ -426,6 +529,7 @@ DAMAGE = {
 
 @pytest.mark.parametrize("name", DAMAGE)
 def test_damage_is_seen(finished, fresh, name, capsys):
+    assert runner.check(finished, fresh) == []
     DAMAGE[name](fresh, finished)
     assert main(["--root", str(finished), "check"]) == 1
     assert capsys.readouterr().err.strip()
@@ -467,29 +571,27 @@ def test_list_and_claims(finished, capsys):
     assert lines[-1].startswith("9.1 reproduced: the mean | is positive (")
 
 
-def nbval(path):
-    """Compare one notebook with its stored outputs as ``make test`` does."""
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--nbval"]
-    config = ["-c", str(CHECKOUT / "pyproject.toml"), "--rootdir", str(path.parent)]
-    environment = os.environ | {"SEANAV_RESULTS": str(path.parent / "nbval")}
-    return subprocess.run(
-        [*command, *config, str(path)], env=environment, check=False, capture_output=True, text=True
-    )
-
-
-def test_nbval_takes_what_is_stored(finished):
+def test_nbval_is_strict_and_takes_what_is_stored(finished):
     runner.store(finished, "9_tiny")
-    done = nbval(finished / "notebooks" / "9_tiny.ipynb")
-    assert done.returncode == 0, done.stdout
-
-
-def test_nbval_is_strict(tmp_path):
     # Another number, output of another kind, more output, an error.
     sources = ["print('mean 2.35')", "2.34", "print('mean 2.34'); 5", "1 / 0"]
     cells = [cell(source) for source in sources]
     for stored in cells:
         stored.execution_count = 1
         stored.outputs = [new_output("stream", name="stdout", text="mean 2.34\n")]
-    done = nbval(save(tmp_path, *cells))
+    save(finished, *cells, stem="8_wrong")
+    # As ``make test`` does it, in one process.
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--nbval"]
+    config = ["-c", str(CHECKOUT / "pyproject.toml"), "--rootdir", str(finished)]
+    done = subprocess.run(
+        [*command, *config, str(finished / "notebooks")],
+        env=os.environ | {"SEANAV_RESULTS": str(finished / "nbval")},
+        check=False,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 1
-    assert "4 failed, 1 passed" in done.stdout
+    assert "4 failed, 5 passed" in done.stdout  # the parameters, and all that was stored
+    assert len(re.findall(r"^FAILED .*/8_wrong\.ipynb", done.stdout, re.M)) == 4
+    fresh = tree(finished / "nbval" / "9_tiny")
+    assert fresh == tree(finished / "paper_figures" / "9_tiny")

@@ -151,19 +151,20 @@ def moved(task, move):
     return task | {"gradient": gradient, "P0": U @ P @ U.T, "start": start, "goal": goal}, carry
 
 
-def textbook_labels(task, epsilon, remaining):
-    """Multi-label search from plain lists: cost, labels expanded, labels made.
+def textbook_labels(task, epsilon, remaining, limit=np.inf):
+    """Multi-label search from plain lists: nodes, cost, lowest F open, labels expanded and made.
 
     `remaining(node, P)` is the lower bound that orders and prunes; the straight walk of
-    `straight` is the first that is known.
+    `straight` is the first that is known. The search stops after `limit` expansions.
     """
     start, goal = tuple(task["start"]), tuple(task["goal"])
-    best, order, expanded = walk_cost(task, straight(task)), itertools.count(), 0
+    nodes, order, expanded = straight(task), itertools.count(), 0
+    best = walk_cost(task, nodes)
     first = (remaining(start, task["P0"]), next(order), 0.0, [start], np.asarray(task["P0"]))
     opened, cells = [first], {start: [first]}
     while opened:
         label = min(opened, key=lambda one: one[:2])
-        if label[0] >= best:
+        if label[0] >= best or expanded == limit:
             break
         opened = [one for one in opened if one[1] != label[1]]
         expanded += 1
@@ -182,10 +183,11 @@ def textbook_labels(task, epsilon, remaining):
             cells[node] = [*(one for one in kept if one[1] not in worse), new]
             opened = [one for one in opened if one[1] not in worse]
             if node == goal:
-                best = cost
+                best, nodes = cost, new[3]
             else:
                 opened.append(new)
-    return best, expanded, next(order)
+    lowest = min([best, *(one[0] for one in opened)])
+    return np.array(nodes), best, lowest, expanded, next(order)
 
 
 def _not_above(one, other, epsilon):

@@ -97,8 +97,13 @@ def overrides(known: dict, words: list[str]) -> dict:
         if not _fits(value, known[name]):
             kind, example = type(known[name]).__name__, known[name]
             raise ParameterError(name, value, f"must be of type {kind}, such as {example!r}")
-        chosen[name] = float(value) if isinstance(known[name], float) else value
+        chosen[name] = float(value) if isinstance(known[name], float) else _lists(value)
     return chosen
+
+
+def _lists(value):
+    # papermill would hand a tuple over as a string.
+    return [_lists(x) for x in value] if isinstance(value, (list, tuple)) else value
 
 
 # ---------------------------------------------------------------- running
@@ -174,8 +179,6 @@ def _demand_complete(root, book, results):
         if cell.cell_type != "code" or not cell.source.strip():
             continue
         where = f"cell {cell.execution_count}"
-        if cell.execution_count is None:
-            raise Refused("a cell was not executed")
         for output in cell.outputs:
             if output.output_type == "error":
                 raise Refused(f"{where}: {output.ename}: {output.evalue}")
@@ -228,14 +231,12 @@ def dependencies(root: Path, stem: str) -> list[Path]:
     while todo:
         name = todo.pop()
         base = root / "src" / name.replace(".", "/")
-        path = next(
-            (p for p in (base.with_suffix(".py"), base / "__init__.py") if p.is_file()), None
-        )
-        if name not in found and path:
+        module, package = base.with_suffix(".py"), base / "__init__.py"
+        path = module if module.is_file() else package
+        if name not in found and path.is_file():
             found[name] = path
-            todo |= imports(
-                path.read_text(), name if path.parent == base else name.rpartition(".")[0]
-            )
+            within = name if path == package else name.rpartition(".")[0]
+            todo |= imports(path.read_text(), within)
     # Data files, such as the plot style, belong to the modules beside them.
     data = {p for path in found.values() for p in path.parent.iterdir() if p.is_file()}
     return sorted({*found.values(), *(p for p in data if p.suffix not in (".py", ".pyc"))})
@@ -364,11 +365,10 @@ def check(root: Path, fresh: Path, rtol: float = 1e-6) -> list[str]:
             wrong.append(f"{stem}: no complete results in {fresh.name}")
             continue
         now = _provenance(root, stem)
-        wrong += [
-            f"{stem}: {key} are not those of the manifest" for key in now if now[key] != entry[key]
-        ]
+        changed = [key for key in now if now[key] != entry.get(key)]
+        wrong += [f"{stem}: {key} are not those of the manifest" for key in changed]
         about = json.loads((fresh / f"{stem}.json").read_text())
-        old, new = _flat({key: entry[key] for key in about}), _flat(about)
+        old, new = _flat({key: entry.get(key) for key in about}), _flat(about)
         wrong += _differences(f"{stem}/manifest", old, new, rtol, exceptions)
         names = {p.name for p in [*committed.iterdir(), *(fresh / stem).iterdir()]}
         for name in sorted(names):
@@ -422,7 +422,6 @@ def _differences(name, old, new, rtol, exceptions):
 
 def _close(a, b, allowed):
     try:
-        close = math.isclose(float(a), float(b), rel_tol=allowed["rtol"], abs_tol=allowed["atol"])
+        return math.isclose(float(a), float(b), rel_tol=allowed["rtol"], abs_tol=allowed["atol"])
     except (TypeError, ValueError):
         return a == b
-    return close
