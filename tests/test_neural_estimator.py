@@ -228,18 +228,53 @@ def test_what_equals_the_default_is_not_run_again():
     scenario = replace(SMALL, steps=50)
     done = tables.courses(scenario)
     name = ("one turn",)
-    known = tables.vary(scenario, done, name, "re-taught")["one turn"]
-    again = tables.vary(scenario, {"one turn": done["one turn"]}, name, "re-taught", interval=3)
+
+    def vary(*args, **changes):
+        return tables.vary(scenario, done, name, *args, **changes)["one turn"]["examination"]
+
+    known = vary("re-taught")
+    again = vary("re-taught", interval=3)
     np.testing.assert_array_equal(known[0], done["one turn"].squared("re-taught"))
-    np.testing.assert_array_equal(known[1], again["one turn"][1])
-    assert (known[0] != again["one turn"][0]).all()
-    anew = tables.vary(scenario, done, name, learner="delta rule", weights="weights")["one turn"]
+    np.testing.assert_array_equal(known[1], again[1])
+    assert (known[0] != again[0]).all()
+    anew = vary(learner="delta rule", weights="weights")
     np.testing.assert_array_equal(anew[0], done["one turn"].squared("frozen"))
-    other = tables.vary(scenario, done, name, weights="other weights")["one turn"]
+    other = vary(weights="other weights")
     assert (anew[0] != other[0]).all()
-    bigger = tables.vary(scenario, done, name, hidden=7)["one turn"]
+    bigger = vary(hidden=7)
     assert (anew[0] != bigger[0]).all()
     np.testing.assert_array_equal(anew[1], bigger[1])
+
+
+@pytest.mark.parametrize("delta", [1e-9, 0.03, 0.06])
+def test_readings_that_stop_nobody_share_their_networks(delta):
+    # 1e-9 stops nobody; 0.03 some by the rms, 0.06 some by the greatest error too.
+    scenario = replace(SMALL, steps=50, delta=delta)
+    done = tables.courses(scenario)
+    for name in ("steady", "zigzag"):
+        course = done[name]
+        teacher = course.estimates["teacher"]
+        for reading in neural.READINGS:
+            changed = replace(scenario, reading=reading)
+            taught = study.first_teaching(changed, course.z, teacher)
+            plain = study.examine(changed, course.z, teacher, taught)
+            ours = tables.vary(scenario, done, (name,), reading=reading)[name]
+            for phase, mask in course.parts().items():
+                expected = scores.squared(plain, course.truth, mask)
+                np.testing.assert_array_equal(ours[phase][0], expected)
+        endless = study.first_teaching(replace(scenario, delta=1e-12), course.z, teacher)
+        expected = tables.histories(endless)
+        np.testing.assert_array_equal(tables.uncapped(scenario, course), expected)
+
+
+def test_parts_of_the_examination_name_no_phase_twice():
+    names = {}
+    for name in study.COURSES:
+        truth = study.course(SMALL, name)
+        phases = study.phases(SMALL, truth)
+        names[name] = list(tables.Course(truth, None, phases, [], {}).parts())
+    assert names["steady"] == names["zigzag"] == names["turn while teaching"] == ["examination"]
+    assert names["one turn"] == ["examination", "before turn", "turn"]
 
 
 def test_stops_count_runs_and_epochs():
