@@ -213,6 +213,31 @@ def test_error_readings_and_reason_for_the_stop():
         assert (stopped.history[: epochs - 1, 0, run] >= 0.01).all()
 
 
+def test_error_readings_are_those_of_plain_numpy():
+    net, (x, t) = networks(), pairs()
+    t = t - 3.0  # misses of both signs, so that the largest one is negative in some run
+    miss = neural.scale(t) - neural.scale(net(x))
+    assert (miss.max(axis=(0, 1)) < -miss.min(axis=(0, 1))).any()
+    history = neural.teach(net, x, t, rate=1e-15, max_epochs=1).history[0]
+    square = (miss**2).mean(axis=(0, 1))
+    expected = [square, np.sqrt(square), np.abs(miss).max(axis=(0, 1))]
+    np.testing.assert_allclose(history, expected, rtol=1e-10)
+
+
+@pytest.mark.parametrize("reading", neural.READINGS)
+def test_each_reading_stops_at_its_own_error(reading):
+    net, (x, t) = networks(), pairs()
+    kind = neural.READINGS.index(reading)
+    free = neural.teach(net, x, t, delta=1e-12, max_epochs=30).history[:, kind]
+    delta = np.sort(free.min(axis=0))[1] * 1.000001  # one run or two get below it
+    done = neural.teach(net, x, t, delta=delta, reading=reading, max_epochs=30)
+    below = free < delta
+    np.testing.assert_array_equal(done.met, below.any(axis=0))
+    assert 0 < done.met.sum() < 4
+    expected = np.where(done.met, below.argmax(axis=0) + 1, 30)
+    np.testing.assert_array_equal(done.epochs, expected)
+
+
 def test_a_stopped_run_is_frozen_while_others_learn():
     net, (x, t) = networks(), pairs()
     t = t.copy()
