@@ -249,6 +249,16 @@ def test_a_stopped_run_is_frozen_while_others_learn():
     np.testing.assert_array_equal(together.network.hidden[..., 0], net.hidden[..., 0])
 
 
+def test_a_stopped_run_keeps_the_weights_of_its_last_epoch():
+    net, (x, t) = networks(), pairs()
+    done = neural.teach(net, x, t, delta=1.5e-3, reading="mean square", max_epochs=30)
+    assert len(set(done.epochs)) > 1
+    for run, epochs in enumerate(done.epochs):
+        alone = neural.teach(net, x, t, delta=1e-12, max_epochs=int(epochs)).network
+        np.testing.assert_array_equal(done.network.hidden[..., run], alone.hidden[..., run])
+        np.testing.assert_array_equal(done.network.output[:, run], alone.output[:, run])
+
+
 def test_runs_do_not_depend_on_their_batch_nor_on_repetition():
     net, (x, t) = networks(), pairs()
     all_runs = neural.teach(net, x, t, max_epochs=25)

@@ -107,6 +107,20 @@ def test_teaching_knows_its_own_pairs_only(lesson):
     assert (changed[0].network.hidden != taught[0].network.hidden).any()
 
 
+def test_each_run_of_every_batch_has_its_own_first_weights():
+    scenario = replace(SMALL, runs=40)
+    z = study.measure(scenario, study.course(scenario, "steady"))
+    teacher = study.numerical(scenario, z)
+    taught = study.first_teaching(scenario, z, teacher)
+    generators = montecarlo.streams(scenario.seed, "weights", 40)
+    for run in (0, 31, 32, 39):
+        start = neural.random_network([generators[run]], scenario.hidden, scenario.spread)
+        x, t = (v[run, 20:40, :, None] for v in (z, teacher))
+        alone = neural.teach(start, x, t, max_epochs=20).network
+        ours = taught[run // 32].network.runs(slice(run % 32, run % 32 + 1))
+        np.testing.assert_array_equal(ours.hidden, alone.hidden)
+
+
 def test_variants_differ_by_their_lessons(lesson):
     z, teacher, taught = lesson
     frozen, new, own, _ = (study.examine(SMALL, z, teacher, taught, v) for v in study.VARIANTS)
