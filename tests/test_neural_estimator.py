@@ -227,6 +227,23 @@ def test_tuned_filter_is_slow_on_a_steady_course_and_quick_in_a_zigzag():
     assert best == {"steady": 1e-5, "zigzag": 0.03}
 
 
+def test_filter_is_not_tuned_on_the_noise_of_the_test():
+    scenario = replace(study.Scenario(), runs=2)
+    truth = study.course(scenario, "one turn")
+    candidates = tuple(np.geomspace(0.01, 0.1, 150))  # fine enough to tell two noises apart
+    best = {}
+    for purpose in ("tuning noise", "noise"):
+        z = study.measure(scenario, truth, purpose)
+        errors = []
+        for q in candidates:
+            K, _ = neural.gains(q, scenario.R, scenario.R, scenario.steps)
+            error = (neural.estimate(z, K, 0.0, z[:, 0]) - truth)[:, 40:]
+            errors.append((error**2).mean())
+        best[purpose] = candidates[int(np.argmin(errors))]
+    assert best["tuning noise"] != best["noise"]
+    assert study.tune(scenario, truth, candidates) == best["tuning noise"]
+
+
 def test_constant_turn_begins_with_the_examination():
     v = study.turning(SMALL, 0.05)
     heading = np.rad2deg(np.arctan2(v[:, 1], v[:, 0]))
