@@ -107,6 +107,20 @@ def test_teaching_knows_its_own_pairs_only(lesson):
     assert (changed[0].network.hidden != taught[0].network.hidden).any()
 
 
+def test_each_run_of_every_batch_has_its_own_first_weights():
+    scenario = replace(SMALL, runs=40)
+    z = study.measure(scenario, study.course(scenario, "steady"))
+    teacher = study.numerical(scenario, z)
+    taught = study.first_teaching(scenario, z, teacher)
+    generators = montecarlo.streams(scenario.seed, "weights", 40)
+    for run in (0, 31, 32, 39):
+        start = neural.random_network([generators[run]], scenario.hidden, scenario.spread)
+        x, t = (v[run, 20:40, :, None] for v in (z, teacher))
+        alone = neural.teach(start, x, t, max_epochs=20).network
+        ours = taught[run // 32].network.runs(slice(run % 32, run % 32 + 1))
+        np.testing.assert_array_equal(ours.hidden, alone.hidden)
+
+
 def test_variants_differ_by_their_lessons(lesson):
     z, teacher, taught = lesson
     frozen, new, own, _ = (study.examine(SMALL, z, teacher, taught, v) for v in study.VARIANTS)
@@ -145,6 +159,97 @@ def test_hybrid_is_the_network_while_steady_and_the_teacher_in_a_sharp_turn(less
     np.testing.assert_array_equal(hybrid[:, 50:55], teacher[:, 50:55])
     assert (hybrid[:, 40] == own[:, 40]).mean() > 0.5
     assert (hybrid[:, 40] == teacher[:, 40]).mean() < 0.5
+
+
+def test_hybrid_by_its_rule_run_by_run_and_step_by_step():
+    scenario = replace(SMALL, steps=100)
+    truth = study.course(scenario, "one turn")
+    z = study.measure(scenario, truth)
+    teacher = study.numerical(scenario, z)
+    taught = study.first_teaching(scenario, z, teacher)[0].network
+    ours = study.examine(scenario, z, teacher, study.first_teaching(scenario, z, teacher), "hybrid")
+    chosen = []
+    for run in range(scenario.runs):
+        network, lesson = taught.runs(slice(run, run + 1)), teacher[run].copy()
+        known = z[run, 20:40].mean(axis=0)
+        for i in range(40, scenario.steps):
+            shift = z[run, i - 4 : i + 1].mean(axis=0) - known
+            own = shift @ shift / (scenario.R * (1 / 5 + 1 / 20)) < 9.21
+            chosen.append(own)
+            if own:
+                lesson[i] = network(z[run, i][None, :, None])[0, :, 0]
+            np.testing.assert_allclose(ours[run, i], lesson[i], rtol=1e-12)
+            if i % 5 == 4:
+                last = slice(i - 19, i + 1)
+                known = z[run, last].mean(axis=0)
+                network = neural.teach(
+                    network, z[run, last, :, None], lesson[last, :, None], max_epochs=3
+                ).network
+    assert 0.1 < np.mean(chosen) < 0.9
+
+
+@pytest.mark.parametrize("variant", study.VARIANTS)
+def test_examination_asks_what_it_is_told_to_ask(lesson, variant):
+    z, teacher, taught = lesson
+    scenario = replace(SMALL, examination_input="estimate", steps=70)
+    ours = study.examine(scenario, z, teacher, taught, variant)
+    answer = taught[0].network(np.moveaxis(teacher[:, 40:41], 0, -1))[0].T
+    own = (ours[:, 40] == answer).all(axis=1)
+    assert own.all() if variant != "hybrid" else own.any()
+    np.testing.assert_array_equal(ours[~own, 40], teacher[~own, 40])
+
+
+def test_numerical_filter_starts_at_the_first_measurement_or_at_zero():
+    z = study.measure(SMALL, study.course(SMALL, "steady"))
+    R, q = SMALL.R, SMALL.q
+    measured = study.numerical(SMALL, z, 0.0)
+    np.testing.assert_array_equal(measured[:, 0], z[:, 0])
+    gain = (R + q) / (2 * R + q)
+    np.testing.assert_allclose(measured[:, 1], (1 - gain) * z[:, 0] + gain * z[:, 1], rtol=1e-12)
+    zero = study.numerical(SMALL, z, 0.0, "zero")
+    np.testing.assert_array_equal(zero[:, 0], 0.0)
+    np.testing.assert_allclose(zero[:, 1], 2 * q / (2 * q + R) * z[:, 1], rtol=1e-12)
+
+
+def test_tuned_filter_is_slow_on_a_steady_course_and_quick_in_a_zigzag():
+    scenario = replace(study.Scenario(), runs=20)
+    candidates = (1e-5, 1e-3, 0.03, 10.0)
+    best = {}
+    for name in ("steady", "zigzag"):
+        truth = study.course(scenario, name)
+        best[name] = study.tune(scenario, truth, candidates)
+        z = study.measure(scenario, truth, "tuning noise")
+        errors = {}
+        for q in candidates:
+            K, _ = neural.gains(q, scenario.R, scenario.R, scenario.steps)
+            errors[q] = np.std((neural.estimate(z, K, 0.0, z[:, 0]) - truth)[:, 40:])
+        assert best[name] == min(errors, key=errors.get)
+    assert best == {"steady": 1e-5, "zigzag": 0.03}
+
+
+def test_filter_is_not_tuned_on_the_noise_of_the_test():
+    scenario = replace(study.Scenario(), runs=2)
+    truth = study.course(scenario, "one turn")
+    candidates = tuple(np.geomspace(0.01, 0.1, 150))  # fine enough to tell two noises apart
+    best = {}
+    for purpose in ("tuning noise", "noise"):
+        z = study.measure(scenario, truth, purpose)
+        errors = []
+        for q in candidates:
+            K, _ = neural.gains(q, scenario.R, scenario.R, scenario.steps)
+            error = (neural.estimate(z, K, 0.0, z[:, 0]) - truth)[:, 40:]
+            errors.append((error**2).mean())
+        best[purpose] = candidates[int(np.argmin(errors))]
+    assert best["tuning noise"] != best["noise"]
+    assert study.tune(scenario, truth, candidates) == best["tuning noise"]
+
+
+def test_constant_turn_begins_with_the_examination():
+    v = study.turning(SMALL, 0.05)
+    heading = np.rad2deg(np.arctan2(v[:, 1], v[:, 0]))
+    np.testing.assert_allclose(heading[:41], 30.0)
+    np.testing.assert_allclose(heading[40:], 30.0 + 0.15 * np.arange(30))
+    np.testing.assert_allclose(np.hypot(*v.T), 6.0)
 
 
 def test_results_do_not_depend_on_threads_nor_on_the_number_of_runs(monkeypatch):
@@ -200,8 +305,39 @@ def test_log_ratio_of_paired_errors_is_exact_for_a_constant_factor():
     assert ratio.se < 1e-15
 
 
-def test_a_tie_is_not_won():
-    assert scores.won(np.array([1.0, 2.0, 3.0]), np.array([1.0, 3.0, 2.0])).value == 1 / 3
+def test_smaller_error_wins_and_a_tie_does_not():
+    network, teacher = np.array([1.0, 2.0, 1.0, 2.0]), np.array([1.0, 3.0, 2.0, 1.0])
+    assert scores.won(network, teacher).value == 2 / 4
+    assert scores.won(teacher, network).value == 1 / 4
+
+
+def test_rows_of_a_table_are_counted_run_by_run():
+    scenario = replace(SMALL, steps=50)
+    done = tables.courses(scenario)
+    names = ["KF", "frozen"]
+    rows = {tuple(row[:3]): row[3:] for row in tables.score_rows(done, names, ["examination"])}
+    assert len(rows) == len(study.COURSES) * 2
+    for course, result in done.items():
+        mean_square = {
+            name: [np.mean((result.estimates[name][run, 40:] - result.truth[40:]) ** 2)
+                   for run in range(scenario.runs)]
+            for name in (*names, "teacher")
+        }  # fmt: skip
+        for name in names:
+            error, *_, won, _, _ = rows[course, "examination", name]
+            assert error == pytest.approx(np.sqrt(np.mean(mean_square[name])))
+            pairs = zip(mean_square[name], mean_square["teacher"], strict=True)
+            assert won == sum(ours < theirs for ours, theirs in pairs) / scenario.runs
+    (row,) = tables.factor_rows(
+        {"level": {"c": {"p": (np.array([4.0, 4.0, 9.0]), np.full(3, 5.0))}}}
+    )
+    assert row[:3] == ["level", "c", "p"]
+    assert (row[3], row[6]) == (pytest.approx(np.sqrt(17 / 3)), 2 / 3)
+    sweep = tables.weight_sweep(scenario, done)["zigzag"]
+    gls = done["zigzag"].estimates["GLS"] - done["zigzag"].truth
+    for phase, steps in (("all", slice(1, None)), ("initial", slice(1, 20))):
+        expected = (gls[:, steps] ** 2).mean(axis=(1, 2))
+        np.testing.assert_allclose(sweep[phase][1.0], expected, rtol=1e-12)
 
 
 def test_share_of_the_weights_between_nothing_and_everything():
@@ -224,22 +360,75 @@ def test_break_even_of_known_curves():
     assert scores.break_even(rates, a, [100 * ones[1]] * 3) is None
 
 
+def test_interval_of_the_break_even_is_the_one_of_the_jackknife():
+    noise = 0.2 * montecarlo.normals(6, "x", 60, (4,))
+    rates = (0.0, 1.0, 3.0)
+    a = [1.0 + noise[:, 0], 1.4 + noise[:, 1], 4.0 + 3 * noise[:, 2]]
+    b = [2.0 + noise[:, 3]] * 3
+    root = scores.break_even(rates, a, b)
+    level = [np.log(p.mean() / b[0].mean()) for p in a]
+    assert level[1] < 0 < level[2]
+    assert root.value == pytest.approx(np.interp(0.0, level[1:], rates[1:]), rel=1e-12)
+    keep = ~np.eye(60, dtype=bool)
+    left = [scores.break_even(rates, [p[k] for p in a], [p[k] for p in b]).value for k in keep]
+    assert root.se == pytest.approx(np.std(left) * np.sqrt(59), rel=0.05)
+
+
 def test_what_equals_the_default_is_not_run_again():
     scenario = replace(SMALL, steps=50)
     done = tables.courses(scenario)
     name = ("one turn",)
-    known = tables.vary(scenario, done, name, "re-taught")["one turn"]
-    again = tables.vary(scenario, {"one turn": done["one turn"]}, name, "re-taught", interval=3)
+
+    def vary(*args, **changes):
+        return tables.vary(scenario, done, name, *args, **changes)["one turn"]["examination"]
+
+    known = vary("re-taught")
+    again = vary("re-taught", interval=3)
     np.testing.assert_array_equal(known[0], done["one turn"].squared("re-taught"))
-    np.testing.assert_array_equal(known[1], again["one turn"][1])
-    assert (known[0] != again["one turn"][0]).all()
-    anew = tables.vary(scenario, done, name, learner="delta rule", weights="weights")["one turn"]
+    np.testing.assert_array_equal(known[1], again[1])
+    assert (known[0] != again[0]).all()
+    anew = vary(learner="delta rule", weights="weights")
     np.testing.assert_array_equal(anew[0], done["one turn"].squared("frozen"))
-    other = tables.vary(scenario, done, name, weights="other weights")["one turn"]
+    other = vary(weights="other weights")
     assert (anew[0] != other[0]).all()
-    bigger = tables.vary(scenario, done, name, hidden=7)["one turn"]
+    bigger = vary(hidden=7)
     assert (anew[0] != bigger[0]).all()
     np.testing.assert_array_equal(anew[1], bigger[1])
+
+
+@pytest.mark.parametrize(
+    ("delta", "default"),
+    [(1e-9, "max"), (0.03, "max"), (0.06, "max"), (0.003, "mean square")],
+)
+def test_readings_that_stop_nobody_share_their_networks(delta, default):
+    # 1e-9 stops nobody; 0.03 some by the rms, 0.06 some by the greatest error too; the
+    # mean square stops where the others do not.
+    scenario = replace(SMALL, steps=50, delta=delta, reading=default)
+    done = tables.courses(scenario)
+    for name in ("steady", "zigzag"):
+        course = done[name]
+        teacher = course.estimates["teacher"]
+        for reading in neural.READINGS:
+            changed = replace(scenario, reading=reading)
+            taught = study.first_teaching(changed, course.z, teacher)
+            plain = study.examine(changed, course.z, teacher, taught)
+            ours = tables.vary(scenario, done, (name,), reading=reading)[name]
+            for phase, mask in course.parts().items():
+                expected = scores.squared(plain, course.truth, mask)
+                np.testing.assert_array_equal(ours[phase][0], expected)
+        endless = study.first_teaching(replace(scenario, delta=1e-12), course.z, teacher)
+        expected = tables.histories(endless)
+        np.testing.assert_array_equal(tables.uncapped(scenario, course), expected)
+
+
+def test_parts_of_the_examination_name_no_phase_twice():
+    names = {}
+    for name in study.COURSES:
+        truth = study.course(SMALL, name)
+        phases = study.phases(SMALL, truth)
+        names[name] = list(tables.Course(truth, None, phases, [], {}).parts())
+    assert names["steady"] == names["zigzag"] == names["turn while teaching"] == ["examination"]
+    assert names["one turn"] == ["examination", "before turn", "turn"]
 
 
 def test_stops_count_runs_and_epochs():

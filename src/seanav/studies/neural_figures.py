@@ -11,8 +11,8 @@ BOX = {"boxstyle": "round,pad=0.45", "facecolor": "0.93", "edgecolor": "black"}
 LABEL = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none"}
 
 
-def diagram(boxes, arrows, size):
-    """Draw boxes, name -> (x, y, text), and arrows (from, to, text)."""
+def diagram(boxes, arrows, size, at=0.3):
+    """Draw boxes, name -> (x, y, text), and arrows (from, to, text at that part of the way)."""
     fig, ax = plt.subplots(figsize=size)
     drawn = {}
     for name, (x, y, text) in boxes.items():
@@ -26,9 +26,13 @@ def diagram(boxes, arrows, size):
         style |= {"patchB": drawn[end].get_bbox_patch()}
         ax.annotate("", (x1, y1), (x0, y0), arrowprops=style)
         if text:
-            place = (x0 + 0.3 * (x1 - x0), y0 + 0.3 * (y1 - y0))
+            place = (x0 + at * (x1 - x0), y0 + at * (y1 - y0))
             ax.text(*place, text, ha="center", va="center", fontsize=8, bbox=LABEL)
     return fig
+
+
+def _asked(scenario):
+    return {"measurement": "z", "estimate": "filter"}[scenario.examination_input]
 
 
 def perceptron(hidden, shown=5):
@@ -60,8 +64,8 @@ def system(scenario):
     """Draw the numerical-neural system (Figure 2)."""
     boxes = {
         "z": (0, 1, "running\nmeasurements"),
-        "filter": (3, 2, f"numerical filter\nw1 = {scenario.w1:g}"),
-        "lesson": (3, 0, f"teaching sequence\n{scenario.pairs} pairs"),
+        "filter": (2, 2, f"numerical filter\nw1 = {scenario.w1:g}"),
+        "lesson": (2, 0, f"teaching sequence\n{scenario.pairs} pairs"),
         "network": (6, 1, f"network\n2-{scenario.hidden}-2"),
         "out": (9, 1, "filtered\nspeed vector"),
     }
@@ -69,10 +73,11 @@ def system(scenario):
         ("z", "filter", ""),
         ("z", "lesson", ""),
         ("filter", "lesson", ""),
-        ("lesson", "network", ""),
+        ("lesson", "network", "teaching"),
+        (_asked(scenario), "network", "examination"),
         ("network", "out", ""),
     ]
-    return diagram(boxes, arrows, (7.5, 3.2))
+    return diagram(boxes, arrows, (7.5, 3.2), 0.5)
 
 
 def teaching(scenario):
@@ -98,7 +103,6 @@ def teaching(scenario):
 
 def examination(scenario):
     """Draw the examination (Figure 4)."""
-    source = {"measurement": "z", "estimate": "filter"}[scenario.examination_input]
     boxes = {
         "z": (0, 1, "running\nmeasurements"),
         "filter": (3, 2, "numerical filter\ngoes on"),
@@ -107,7 +111,7 @@ def examination(scenario):
     }
     arrows = [
         ("z", "filter", ""),
-        (source, "network", ""),
+        (_asked(scenario), "network", ""),
         ("filter", "compare", ""),
         ("network", "compare", ""),
     ]
@@ -198,5 +202,5 @@ def speed_plane(network, x, t, truth, reach=1.5):
     ax.plot(*answer.T[::-1], ".", color="black", markersize=4, label="outputs over the grid")
     ax.plot(*truth[::-1], "*", color="#009e73", markersize=12, label="truth")
     ax.set(xlabel="east (m/s)", ylabel="north (m/s)", aspect="equal")
-    ax.legend(loc="upper left")
+    fig.legend(loc="outside lower center", ncols=2)
     return fig

@@ -71,10 +71,10 @@ def break_even(rates, a, b):
 def operations(hidden, pairs, epochs, steps):
     """Return arithmetic operations by name: per step of network and filters, per teaching.
 
-    Counted: + - × ÷, and an exponential as 28 of them (argument reduction and the
-    polynomial of the kernel). The Kalman filter is the one for full 2 by 2 matrices.
+    Counted: + - × ÷, in the logistic function those of the kernel. The Kalman filter is
+    the one for full 2 by 2 matrices.
     """
-    logistic = 30  # exponential, sum, quotient
+    logistic = 24  # reduction 7, square and Padé quotient 14, power of two and sum 2, division 1
     network = hidden * (4 + logistic) + 2 * (2 * hidden + logistic)
     product, total = 12, 4  # 2 by 2: product of matrices, sum of matrices
     predict = 6 + 2 * product + total

@@ -4,6 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from seanav import montecarlo
+from seanav.filters.neural import READINGS
 from seanav.studies import neural_estimator as study
 from seanav.studies import neural_scores as scores
 
@@ -21,6 +23,12 @@ class Course:
     def squared(self, name, phase="examination"):
         """Return each run's mean squared error of an estimator in a phase, (runs,)."""
         return scores.squared(self.estimates[name], self.truth, self.phases[phase])
+
+    def parts(self):
+        """Return the examination and its phases, name -> mask; none of them twice."""
+        whole = self.phases["examination"]
+        smaller = {n: m for n, m in self.phases.items() if (m & whole).any() and (m != whole).any()}
+        return {"examination": whole} | smaller
 
 
 def courses(scenario):
@@ -67,49 +75,75 @@ def three(estimate):
 
 
 def vary(scenario, done, names=study.COURSES, variant="frozen", weights="weights", **changes):
-    """Return course -> (network, teacher), squared errors (runs,), one factor changed.
+    """Return squared errors (runs,), course -> phase -> (network, teacher), one factor changed.
 
-    A change that concerns the first teaching or its teacher teaches anew; what equals
-    the default is taken from `done`.
+    The phases are those of `Course.parts`. A change that concerns the first teaching or
+    its teacher teaches anew; what equals the default, or must equal it because neither
+    reading of Δ stops a run, is taken from `done`.
     """
     changed = replace(scenario, **changes)
     if changed == scenario and weights == "weights":
-        return {name: tuple(map(done[name].squared, (variant, "teacher"))) for name in names}
+        return {
+            name: {
+                phase: tuple(done[name].squared(each, phase) for each in (variant, "teacher"))
+                for phase in done[name].parts()
+            }
+            for name in names
+        }
     measured = {name: done[name].z for name in names}
     teachers = {name: study.numerical(changed, z) for name, z in measured.items()}
     later = {"interval", "reteach_epochs", "examination_input"}
     if weights == "weights" and set(changes) <= later:
         taught = {name: done[name].taught for name in names}
     else:
-        taught = study.teach_courses(changed, measured, teachers, weights)
+        taught = {}
+        if weights == "weights" and set(changes) == {"reading"}:
+            taught = {n: done[n].taught for n in names if _stops_nobody(changed, done[n].taught)}
+        rest = {name: measured[name] for name in names if name not in taught}
+        taught |= study.teach_courses(changed, rest, teachers, weights)
     result = {}
     for name in names:
         estimate = study.examine(changed, measured[name], teachers[name], taught[name], variant)
-        mask = done[name].phases["examination"]
         truth = done[name].truth
-        result[name] = tuple(scores.squared(e, truth, mask) for e in (estimate, teachers[name]))
+        result[name] = {
+            phase: tuple(scores.squared(e, truth, mask) for e in (estimate, teachers[name]))
+            for phase, mask in done[name].parts().items()
+        }
     return result
 
 
+def _stops_nobody(scenario, taught):
+    # Readings of Δ that stop no run teach alike: the cap ends every one of them.
+    reading = READINGS.index(scenario.reading)
+    return not any(
+        each.met.any() or (each.history[:, reading] < scenario.delta).any() for each in taught
+    )
+
+
 def factor_rows(varied):
-    """Return rows (level, course, RMSE, low, high, won against its teacher, low, high)."""
+    """Return rows (level, course, phase, RMSE, low, high, won against its teacher, low, high)."""
     rows = []
     for level, by_course in varied.items():
-        for course, (network, teacher) in by_course.items():
-            error = scores.montecarlo.root_mean_square(network)
-            rows.append([level, course, *three(error), *three(scores.won(network, teacher))])
+        for course, by_phase in by_course.items():
+            for phase, (network, teacher) in by_phase.items():
+                error, won = montecarlo.root_mean_square(network), scores.won(network, teacher)
+                rows.append([level, course, phase, *three(error), *three(won)])
     return rows
 
 
 def weight_sweep(scenario, done, purpose=None):
-    """Return course -> w1 -> squared errors (runs,) of the numerical filter from step 1 on."""
+    """Return course -> phase -> w1 -> squared errors (runs,) of the numerical filter.
+
+    The phases are every step from 1 on ("all"), "initial" and those of `Course.parts`.
+    """
     result = {}
     for name, course in done.items():
         z = course.z if purpose is None else study.measure(scenario, course.truth, purpose)
-        mask = np.arange(scenario.steps) >= 1
+        estimates = {w1: study.numerical(scenario, z, w1) for w1 in scenario.weights}
+        masks = {"all": np.arange(scenario.steps) >= 1, "initial": course.phases["initial"]}
         result[name] = {
-            w1: scores.squared(study.numerical(scenario, z, w1), course.truth, mask)
-            for w1 in scenario.weights
+            phase: {w1: scores.squared(x, course.truth, mask) for w1, x in estimates.items()}
+            for phase, mask in (masks | course.parts()).items()
         }
     return result
 
@@ -140,6 +174,15 @@ def histories(taught):
     return np.concatenate(parts, axis=2)
 
 
+def uncapped(scenario, course):
+    """Return the teaching errors of a `Course` as if Δ stopped nobody, (epochs, 3, runs)."""
+    if any(teaching.met.any() for teaching in course.taught):
+        endless = replace(scenario, delta=1e-12)
+        teacher = course.estimates["teacher"]
+        return histories(study.first_teaching(endless, course.z, teacher))
+    return histories(course.taught)
+
+
 def stops(history, delta):
     """Return per reading the share of runs below Δ in time and their median epoch, or None."""
     rows = []
@@ -147,7 +190,7 @@ def stops(history, delta):
         below = errors < delta
         met = below.any(axis=0)
         epoch = float(np.median(below.argmax(axis=0)[met]) + 1) if met.any() else None
-        rows.append((scores.montecarlo.share(int(met.sum()), met.size), epoch))
+        rows.append((montecarlo.share(int(met.sum()), met.size), epoch))
     return rows
 
 
