@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from scipy import stats
 
 from seanav import checks, montecarlo
 from seanav.filters import continuous_discrete, generated, moments
@@ -304,6 +305,11 @@ def score(truth, track, consistency=True) -> Score:
         nees = (error * whitened).sum(axis=-1)
     variance = np.diagonal(P, axis1=2, axis2=3).mean(axis=1)
     return Score((error**2).mean(axis=1), variance, nees.mean(axis=1), nees.mean(axis=0))
+
+
+def nees_band(runs, states=6):
+    """Return the 95 % interval of the mean NEES of independent consistent runs at one time."""
+    return stats.chi2.ppf([0.025, 0.975], states * runs) / runs
 
 
 def root_ratio(a, b):
