@@ -84,7 +84,6 @@ def nees(results, band):
                 values = result.scores[name].nees_by_time
                 ax.plot(result.truth.times[1:], values, label=name, linewidth=1, **STYLES[name])
             ax.set_title(f"{vehicle}, case {number}")
-        row[0].set_ylim(bottom=0)  # after all three are drawn: they share it
     for ax in axes[1]:
         ax.set_xlabel("time (s)")
     for ax in axes[:, 0]:
