@@ -194,6 +194,14 @@ def test_consistency_bound_holds_and_a_mistuned_filter_breaks_it():
     assert study.score(truth, study.estimate(scenario, shy, case)).nees_by_time[3] < low
 
 
+def test_nees_band_holds_the_mean_of_gaussian_errors_in_95_percent():
+    draws = np.random.default_rng(4).standard_normal((4000, 30, 6))
+    low, high = study.nees_band(30)
+    means = (draws**2).sum(axis=2).mean(axis=1)
+    assert np.mean(means < low) == pytest.approx(0.025, abs=0.01)
+    assert np.mean(means > high) == pytest.approx(0.025, abs=0.01)
+
+
 def test_large_noise_is_the_open_loop():
     truth = study.simulate(SMALL, "torpedo")
     near, far = (study.open_loop_limit(SMALL, truth, SMALL.cases[1], R) for R in (1e6, 1e8))

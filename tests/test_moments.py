@@ -326,6 +326,49 @@ def test_threads_share_one_finished_module():
     assert values == [7] * 4
 
 
+def test_expectation_of_what_is_no_polynomial_is_refused():
+    x, y = VAN_DER_POL.states
+    for expression in (sp.sin(x), 1 / x, sp.sqrt(x) * y):
+        with pytest.raises(ParameterError, match=r"expression = .*must be a polynomial"):
+            moments.expectation(VAN_DER_POL, expression)
+
+
+def test_expectation_of_a_high_power_is_the_textbooks():
+    # ⟨x⁴y²⟩ of independent standard normals shifted by m: products of raw moments.
+    x, y = VAN_DER_POL.states
+    P, (a, b) = VAN_DER_POL.covariance, VAN_DER_POL.mean
+    value = moments.expectation(VAN_DER_POL, x**4 * y**2, moments.gaussian_moment)
+    at = {P[0, 0]: 1, P[1, 1]: 1, P[0, 1]: 0}
+    assert zero(value.subs(at) - (a**4 + 6 * a**2 + 3) * (b**2 + 1))
+
+
+def test_six_state_body_with_quadratic_drag_closes_in_closed_form():
+    # Against the cubic-drag equations plus the scalar closed form on each axis.
+    drift, diffusion, names = bodies.equations(quadratic_drag=True)
+    model = moments.system(bodies.STATES, drift, diffusion, bodies.INPUTS, names)
+    with_, without = (moments.close(m, "gaussian") for m in (model, BODY))
+    rng = np.random.default_rng(10)
+    mean, P, _ = random_point(6, 10)
+    numbers = [*bodies.TORPEDO.parameters(), *rng.uniform(1.0, 30.0, 6)]
+    values = dict(zip(model.parameters, numbers, strict=True))
+    values |= dict.fromkeys(model.inputs, 0.0) | dict(zip(model.mean, mean, strict=True))
+    values |= {model.covariance[i, j]: P[i, j] for i in range(6) for j in range(6)}
+    inertia, drag = np.array(numbers[:6]), np.array(numbers[24:])
+    sd = np.sqrt(np.diag(P))
+    extra = np.empty(6)
+    slope = np.empty(6)
+    for i in range(6):
+        density = stats.norm(mean[i], sd[i]).pdf
+        halves = ((mean[i] - 12 * sd[i], 0.0), (0.0, mean[i] + 12 * sd[i]))
+        extra[i] = sum(quad(lambda x: x * abs(x) * density(x), *half)[0] for half in halves)
+        slope[i] = sum(quad(lambda x: 2 * abs(x) * density(x), *half)[0] for half in halves)
+    gap = np.array((with_.mean_rate - without.mean_rate).subs(values), dtype=float)[:, 0]
+    np.testing.assert_allclose(gap, -drag / inertia * extra, rtol=1e-7)
+    gap = np.array((with_.covariance_rate - without.covariance_rate).subs(values), dtype=float)
+    A = np.diag(-drag / inertia * slope)
+    np.testing.assert_allclose(gap, A @ P + P @ A.T, rtol=1e-7, atol=1e-9)
+
+
 def test_unknown_closure_and_open_moments_are_refused():
     with pytest.raises(ParameterError, match=r"closure = 'ukf': must be one of 'ekf'"):
         moments.close(BODY, "ukf")
