@@ -355,13 +355,14 @@ def test_six_state_body_with_quadratic_drag_closes_in_closed_form():
     values |= {model.covariance[i, j]: P[i, j] for i in range(6) for j in range(6)}
     inertia, drag = np.array(numbers[:6]), np.array(numbers[24:])
     sd = np.sqrt(np.diag(P))
-    extra = np.empty(6)
-    slope = np.empty(6)
-    for i in range(6):
+
+    def average(g, i):
         density = stats.norm(mean[i], sd[i]).pdf
-        halves = ((mean[i] - 12 * sd[i], 0.0), (0.0, mean[i] + 12 * sd[i]))
-        extra[i] = sum(quad(lambda x: x * abs(x) * density(x), *half)[0] for half in halves)
-        slope[i] = sum(quad(lambda x: 2 * abs(x) * density(x), *half)[0] for half in halves)
+        ends = (mean[i] - 12 * sd[i], 0.0, mean[i] + 12 * sd[i])
+        return sum(quad(lambda x: g(x) * density(x), *ends[k : k + 2])[0] for k in (0, 1))
+
+    extra = np.array([average(lambda x: x * abs(x), i) for i in range(6)])
+    slope = np.array([average(lambda x: 2 * abs(x), i) for i in range(6)])
     gap = np.array((with_.mean_rate - without.mean_rate).subs(values), dtype=float)[:, 0]
     np.testing.assert_allclose(gap, -drag / inertia * extra, rtol=1e-7)
     gap = np.array((with_.covariance_rate - without.covariance_rate).subs(values), dtype=float)
