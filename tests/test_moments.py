@@ -66,12 +66,17 @@ def test_derivatives_of_the_characteristic_function_are_the_moment_equations(mod
         assert zero(rate - exact.covariance_rate[i, j])
 
 
-def test_forward_operator_is_the_adjoint_of_the_backward_one():
-    x = VAN_DER_POL.states
+@pytest.mark.parametrize(
+    "model",
+    [VAN_DER_POL, moments.system("x y", ["y", "x*y - x"], [["x"], ["1 + y"]])],
+    ids=["van der Pol", "G depends on the state"],
+)
+def test_forward_operator_is_the_adjoint_of_the_backward_one(model):
+    x = model.states
     bump = sp.exp(-(x[0] ** 2) - x[1] ** 2)
     phi, p = x[0] ** 2 * x[1] + x[1] ** 2, (1 + x[0] * x[1] + x[0]) * bump
-    left = sp.expand(moments.backward(VAN_DER_POL, phi) * p / bump)
-    right = sp.expand(sp.expand(moments.forward(VAN_DER_POL, p)) / bump * phi)
+    left = sp.expand(moments.backward(model, phi) * p / bump)
+    right = sp.expand(sp.expand(moments.forward(model, p)) / bump * phi)
 
     def integral(polynomial):
         # ∫ x^k e^{-x²} = Γ((k+1)/2) for even k, axis by axis.
@@ -223,14 +228,32 @@ def test_linear_case_agrees_with_van_loan(closure):
     np.testing.assert_allclose(P[0], expected[1], rtol=1e-10)
 
 
-def test_geometric_brownian_motion_is_exact():
+@pytest.mark.parametrize("closure", ["gaussian", "second order"])
+def test_geometric_brownian_motion_is_exact(closure):
     model = moments.system("x", ["a*x"], ["b*x"], parameters="a b")
     a, b, t = 0.3, 0.5, 1.2
     mean, P = np.array([[2.0]]), np.array([[[0.1]]])
-    generated.Propagator(moments.close(model, "gaussian"))(mean, P, t, 0.002, None, [a, b])
+    generated.Propagator(moments.close(model, closure))(mean, P, t, 0.002, None, [a, b])
     second = (4.0 + 0.1) * np.exp((2 * a + b**2) * t)
     assert mean[0, 0] == pytest.approx(2.0 * np.exp(a * t), rel=1e-10)
     assert P[0, 0, 0] == pytest.approx(second - 4.0 * np.exp(2 * a * t), rel=1e-9)
+
+
+def test_inputs_are_taken_at_ends_and_middles_of_the_steps():
+    # x' = -x + sin 3t has (sin 3t - 3 cos 3t)/10 + c exp(-t); fourth order in the step.
+    model = moments.system("x", ["-x + tau"], [0], inputs="tau")
+    exact = (np.sin(3.0) - 3 * np.cos(3.0)) / 10 + 1.3 * np.exp(-1.0)
+    errors = []
+    for steps in (20, 40):
+        mean, P = np.array([[1.0]]), np.array([[[0.1]]])
+        inputs = np.sin(3 * np.linspace(0, 1, 2 * steps + 1))[:, None]
+        generated.Propagator(moments.close(model, "ekf"))(mean, P, 1.0, 1 / steps, inputs)
+        errors.append(abs(mean[0, 0] - exact))
+    assert errors[0] < 1e-5
+    assert errors[0] / errors[1] == pytest.approx(16, rel=0.1)
+    inputs, noise = np.sin(3 * np.linspace(0, 1, 10_001))[:, None], np.zeros((1, 10_000, 1))
+    end = generated.Simulator(model)(np.ones((1, 1)), noise, 1e-4, inputs, (), 10_000)[0, -1, 0]
+    assert end == pytest.approx(exact, abs=2e-4)
 
 
 def test_ekf_jacobian_agrees_with_central_differences():
