@@ -420,6 +420,11 @@ def test_observability_rank_of_linear_systems_is_kalmans():
     hidden = moments.system("x y z", ["y", "-x", "-z"], [1, 1, 1])
     x, y, z = hidden.states
     assert moments.observability(hidden, [x], {x: 1, y: 2, z: 3}, 4) == [1, 2, 2, 2]
+    # A chain: only the last of four derivatives sees the last state.
+    chain = moments.system("a b c d", ["b", "c", "d", "0"], [1] * 4)
+    assert moments.observability(chain, chain.states[:1], dict.fromkeys(chain.states, 1), 4) == [
+        *range(1, 5)
+    ]
 
 
 def test_observability_rank_agrees_with_lie_derivatives_written_out():
