@@ -1,6 +1,6 @@
 """Speed of paper 1: derivation, propagation, the study. Figures to read, nothing passes or fails.
 
-With the optional package cd-dynamax (extra `bench`) installed, its continuous-discrete EKF runs
+With the optional package cd-dynamax installed beside this one, its continuous-discrete EKF runs
 the same equation with the same scheme, steps and precision in this process, and the results are
 compared before the times are.
 """

@@ -114,6 +114,39 @@ def test_nonlinear_update_of_a_linear_measurement_is_the_linear_one():
     np.testing.assert_allclose(tracks[0].P, tracks[1].P, rtol=1e-12)
 
 
+def test_nonlinear_update_is_the_best_linear_one_of_gaussian_moments():
+    # For quadratic h the second-order expansion is exact, so the update is the linear
+    # estimator with the Gaussian moments of x and h, here by Gauss–Hermite nodes.
+    model = moments.system("x y", ["-x", "-y"], [1, 1])
+    predictor = generated.Predictor(moments.measurement(model, ["x*y", "x**2 + y"]))
+    rng = np.random.default_rng(9)
+    m0, P0, R = np.array([0.7, -0.4]), random_covariance(rng, 2), np.diag([0.1, 0.2])
+    z, shrink = np.array([[[0.5, 1.0]]]), np.exp(-0.2)
+    propagate = generated.Propagator(moments.close(model, "gaussian"))
+    track = continuous_discrete.run(propagate, m0, P0, z, 0.2, 0.005, R, predictor)
+    m, P = shrink * m0, shrink**2 * P0 + (1 - shrink**2) / 2 * np.eye(2)
+    nodes, weights = np.polynomial.hermite_e.hermegauss(5)
+    weight = np.outer(weights, weights).ravel() / weights.sum() ** 2
+    x = m[:, None] + np.linalg.cholesky(P) @ np.array([np.repeat(nodes, 5), np.tile(nodes, 5)])
+    h = np.array([x[0] * x[1], x[0] ** 2 + x[1]])
+    off = h - (h @ weight)[:, None]
+    S, cross = (off * weight) @ off.T + R, ((x - m[:, None]) * weight) @ off.T
+    K = np.linalg.solve(S, cross.T).T
+    np.testing.assert_allclose(track.mean[0, 1], m + K @ (z[0, 0] - h @ weight), rtol=1e-8)
+    np.testing.assert_allclose(track.P[0, 1], P - K @ S @ K.T, rtol=1e-8, atol=1e-9)
+
+
+@pytest.mark.parametrize("R", [0.1, 1.0, 10.0])
+def test_effective_sample_size_of_a_gaussian_is_known(R):
+    # w = exp(-x²/2R), x ~ N(0, 1): (E w)²/E w² = √(R (2 + R))/(1 + R).
+    model = moments.system("x", ["-x"], [1])
+    cloud = continuous_discrete.particle_filter(
+        generated.Simulator(model), np.zeros(1), np.eye(1), np.zeros((1, 1, 1)), 1e-6, 1e-6,
+        R * np.eye(1), np.eye(1), [np.random.default_rng(1)], 40_000,
+    )  # fmt: skip
+    assert cloud.nis[0, 1] / 40_000 == pytest.approx(np.sqrt(R * (2 + R)) / (1 + R), rel=0.03)
+
+
 def test_particle_filter_agrees_with_the_kalman_filter():
     _, _, model, H, R, z = linear_setup(1, 6, 3)
     count = 20_000
@@ -192,6 +225,14 @@ def test_consistency_bound_holds_and_a_mistuned_filter_breaks_it():
     assert wrong.nees_by_time[3] > high
     shy = replace(truth, parameters=bodies.SPHERE.parameters(1.8 * scenario.noise("sphere")))
     assert study.score(truth, study.estimate(scenario, shy, case)).nees_by_time[3] < low
+
+
+def test_nees_band_holds_the_mean_of_gaussian_errors_in_95_percent():
+    draws = np.random.default_rng(4).standard_normal((4000, 30, 6))
+    low, high = study.nees_band(30)
+    means = (draws**2).sum(axis=2).mean(axis=1)
+    assert np.mean(means < low) == pytest.approx(0.025, abs=0.01)
+    assert np.mean(means > high) == pytest.approx(0.025, abs=0.01)
 
 
 def test_large_noise_is_the_open_loop():
@@ -285,6 +326,18 @@ def test_sphere_hides_its_linear_velocity_from_angular_rates():
         ("sphere", "linear"): 6,
         ("sphere", "angular"): 3,
     }
+
+
+def test_cases_measure_what_the_paper_says():
+    one, two, three = study.Scenario().cases
+    for case, H in ((one, np.eye(3, 6)), (two, np.eye(3, 6)), (three, np.eye(3, 6, 3))):
+        assert np.array_equal(case.H, H)
+    assert one.R < two.R == three.R
+    truth = study.simulate(SMALL, "torpedo")
+    z = study.measure(SMALL, truth, replace(three, R=1e-12))
+    np.testing.assert_allclose(z, truth.x[:, 1:, 3:], atol=1e-5)
+    strong = study.Scenario().noise("sphere", 3.0) / study.Scenario().noise("sphere")
+    np.testing.assert_allclose(strong, [1, 1, 1, 3, 3, 3])
 
 
 def test_scores_are_what_they_say():

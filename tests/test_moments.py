@@ -66,12 +66,17 @@ def test_derivatives_of_the_characteristic_function_are_the_moment_equations(mod
         assert zero(rate - exact.covariance_rate[i, j])
 
 
-def test_forward_operator_is_the_adjoint_of_the_backward_one():
-    x = VAN_DER_POL.states
+@pytest.mark.parametrize(
+    "model",
+    [VAN_DER_POL, moments.system("x y", ["y", "x*y - x"], [["x"], ["1 + y"]])],
+    ids=["van der Pol", "G depends on the state"],
+)
+def test_forward_operator_is_the_adjoint_of_the_backward_one(model):
+    x = model.states
     bump = sp.exp(-(x[0] ** 2) - x[1] ** 2)
     phi, p = x[0] ** 2 * x[1] + x[1] ** 2, (1 + x[0] * x[1] + x[0]) * bump
-    left = sp.expand(moments.backward(VAN_DER_POL, phi) * p / bump)
-    right = sp.expand(sp.expand(moments.forward(VAN_DER_POL, p)) / bump * phi)
+    left = sp.expand(moments.backward(model, phi) * p / bump)
+    right = sp.expand(sp.expand(moments.forward(model, p)) / bump * phi)
 
     def integral(polynomial):
         # ∫ x^k e^{-x²} = Γ((k+1)/2) for even k, axis by axis.
@@ -100,12 +105,10 @@ def test_gaussian_closure_is_the_truncated_one_exactly_when_the_drift_is_quadrat
 def energy_terms(model, closed):
     mass = sp.diag(*(x for x in model.parameters if x.name in bodies.MASSES))
     m, symbol = sp.Matrix(model.mean), {x.name: x for x in model.parameters}
-    power = sum(
-        moments.expectation(
-            model, symbol[f"a{i + 1}"] * x**2 + with_cubic * x**4, moments.gaussian_moment
-        )
-        for i, (x, with_cubic) in enumerate(zip(model.states, cubic_of(model), strict=True))
-    )
+    power = 0  # ⟨x²⟩ and ⟨x⁴⟩ of a Gaussian from the textbook, not from the code under test
+    for i, (mi, cubic) in enumerate(zip(m, cubic_of(model), strict=True)):
+        s = model.covariance[i, i]
+        power += symbol[f"a{i + 1}"] * (mi**2 + s) + cubic * (mi**4 + 6 * mi**2 * s + 3 * s**2)
     rate = (m.T * mass * closed.mean_rate)[0] + (mass * closed.covariance_rate).trace() / 2
     balance = m.dot(sp.Matrix(model.inputs)) - power + (mass * model.spread).trace() / 2
     return sp.expand(rate - balance), mass, m
@@ -223,14 +226,32 @@ def test_linear_case_agrees_with_van_loan(closure):
     np.testing.assert_allclose(P[0], expected[1], rtol=1e-10)
 
 
-def test_geometric_brownian_motion_is_exact():
+@pytest.mark.parametrize("closure", ["gaussian", "second order"])
+def test_geometric_brownian_motion_is_exact(closure):
     model = moments.system("x", ["a*x"], ["b*x"], parameters="a b")
     a, b, t = 0.3, 0.5, 1.2
     mean, P = np.array([[2.0]]), np.array([[[0.1]]])
-    generated.Propagator(moments.close(model, "gaussian"))(mean, P, t, 0.002, None, [a, b])
+    generated.Propagator(moments.close(model, closure))(mean, P, t, 0.002, None, [a, b])
     second = (4.0 + 0.1) * np.exp((2 * a + b**2) * t)
     assert mean[0, 0] == pytest.approx(2.0 * np.exp(a * t), rel=1e-10)
     assert P[0, 0, 0] == pytest.approx(second - 4.0 * np.exp(2 * a * t), rel=1e-9)
+
+
+def test_inputs_are_taken_at_ends_and_middles_of_the_steps():
+    # x' = -x + sin 3t has (sin 3t - 3 cos 3t)/10 + c exp(-t); fourth order in the step.
+    model = moments.system("x", ["-x + tau"], [0], inputs="tau")
+    exact = (np.sin(3.0) - 3 * np.cos(3.0)) / 10 + 1.3 * np.exp(-1.0)
+    errors = []
+    for steps in (20, 40):
+        mean, P = np.array([[1.0]]), np.array([[[0.1]]])
+        inputs = np.sin(3 * np.linspace(0, 1, 2 * steps + 1))[:, None]
+        generated.Propagator(moments.close(model, "ekf"))(mean, P, 1.0, 1 / steps, inputs)
+        errors.append(abs(mean[0, 0] - exact))
+    assert errors[0] < 1e-5
+    assert errors[0] / errors[1] == pytest.approx(16, rel=0.1)
+    inputs, noise = np.sin(3 * np.linspace(0, 1, 10_001))[:, None], np.zeros((1, 10_000, 1))
+    end = generated.Simulator(model)(np.ones((1, 1)), noise, 1e-4, inputs, (), 10_000)[0, -1, 0]
+    assert end == pytest.approx(exact, abs=2e-4)
 
 
 def test_ekf_jacobian_agrees_with_central_differences():
@@ -248,18 +269,22 @@ def test_ekf_jacobian_agrees_with_central_differences():
     np.testing.assert_allclose(rate, A + A.T, rtol=1e-8, atol=1e-8)
 
 
-def test_number_of_runs_changes_no_run():
+def test_a_run_does_not_depend_on_the_others_in_its_batch():
     propagate = generated.Propagator(moments.close(BODY, "gaussian"))
     rng = np.random.default_rng(6)
     start = rng.normal(size=(19, 6)) * 0.2
     forces = bodies.TORPEDO.forces(np.linspace(0, 0.5, 21))
-    ends = []
-    for runs in (19, 3):
-        mean, P = start[:runs].copy(), np.tile(np.eye(6) * 0.02, (runs, 1, 1))
+
+    def end(chosen):
+        mean, P = start[chosen].copy(), np.tile(np.eye(6) * 0.02, (len(start[chosen]), 1, 1))
         propagate(mean, P, 0.5, 0.05, forces, bodies.TORPEDO.parameters())
-        ends.append((mean, P))
-    assert np.array_equal(ends[0][0][:3], ends[1][0])
-    assert np.array_equal(ends[0][1][:3], ends[1][1])
+        return mean, P
+
+    whole = end(slice(None))
+    assert len(np.unique(whole[0][:, 0])) == 19
+    for chosen in (slice(0, 3), slice(7, 9), slice(18, 19), slice(5, 16)):
+        for one, all_ in zip(end(chosen), whole, strict=True):
+            assert np.array_equal(one, all_[chosen])
 
 
 def test_second_order_measurement_agrees_with_monte_carlo_free_moments():
@@ -326,6 +351,50 @@ def test_threads_share_one_finished_module():
     assert values == [7] * 4
 
 
+def test_expectation_of_what_is_no_polynomial_is_refused():
+    x, y = VAN_DER_POL.states
+    for expression in (sp.sin(x), 1 / x, sp.sqrt(x) * y):
+        with pytest.raises(ParameterError, match=r"expression = .*must be a polynomial"):
+            moments.expectation(VAN_DER_POL, expression)
+
+
+def test_expectation_of_a_high_power_is_the_textbooks():
+    # ⟨x⁴y²⟩ of independent standard normals shifted by m: products of raw moments.
+    x, y = VAN_DER_POL.states
+    P, (a, b) = VAN_DER_POL.covariance, VAN_DER_POL.mean
+    value = moments.expectation(VAN_DER_POL, x**4 * y**2, moments.gaussian_moment)
+    at = {P[0, 0]: 1, P[1, 1]: 1, P[0, 1]: 0}
+    assert zero(value.subs(at) - (a**4 + 6 * a**2 + 3) * (b**2 + 1))
+
+
+def test_six_state_body_with_quadratic_drag_closes_in_closed_form():
+    # Against the cubic-drag equations plus the scalar closed form on each axis.
+    drift, diffusion, names = bodies.equations(quadratic_drag=True)
+    model = moments.system(bodies.STATES, drift, diffusion, bodies.INPUTS, names)
+    with_, without = (moments.close(m, "gaussian") for m in (model, BODY))
+    rng = np.random.default_rng(10)
+    mean, P, _ = random_point(6, 10)
+    numbers = [*bodies.TORPEDO.parameters(), *rng.uniform(1.0, 30.0, 6)]
+    values = dict(zip(model.parameters, numbers, strict=True))
+    values |= dict.fromkeys(model.inputs, 0.0) | dict(zip(model.mean, mean, strict=True))
+    values |= {model.covariance[i, j]: P[i, j] for i in range(6) for j in range(6)}
+    inertia, drag = np.array(numbers[:6]), np.array(numbers[24:])
+    sd = np.sqrt(np.diag(P))
+
+    def average(g, i):
+        density = stats.norm(mean[i], sd[i]).pdf
+        ends = (mean[i] - 12 * sd[i], 0.0, mean[i] + 12 * sd[i])
+        return sum(quad(lambda x: g(x) * density(x), *ends[k : k + 2])[0] for k in (0, 1))
+
+    extra = np.array([average(lambda x: x * abs(x), i) for i in range(6)])
+    slope = np.array([average(lambda x: 2 * abs(x), i) for i in range(6)])
+    gap = np.array((with_.mean_rate - without.mean_rate).subs(values), dtype=float)[:, 0]
+    np.testing.assert_allclose(gap, -drag / inertia * extra, rtol=1e-7)
+    gap = np.array((with_.covariance_rate - without.covariance_rate).subs(values), dtype=float)
+    A = np.diag(-drag / inertia * slope)
+    np.testing.assert_allclose(gap, A @ P + P @ A.T, rtol=1e-7, atol=1e-9)
+
+
 def test_unknown_closure_and_open_moments_are_refused():
     with pytest.raises(ParameterError, match=r"closure = 'ukf': must be one of 'ekf'"):
         moments.close(BODY, "ukf")
@@ -355,6 +424,11 @@ def test_observability_rank_of_linear_systems_is_kalmans():
     hidden = moments.system("x y z", ["y", "-x", "-z"], [1, 1, 1])
     x, y, z = hidden.states
     assert moments.observability(hidden, [x], {x: 1, y: 2, z: 3}, 4) == [1, 2, 2, 2]
+    # A chain: only the last of four derivatives sees the last state.
+    chain = moments.system("a b c d", ["b", "c", "d", "0"], [1] * 4)
+    assert moments.observability(chain, chain.states[:1], dict.fromkeys(chain.states, 1), 4) == [
+        *range(1, 5)
+    ]
 
 
 def test_observability_rank_agrees_with_lie_derivatives_written_out():

@@ -10,8 +10,10 @@ the same expressions, so the equation that is printed is the function that runs.
 
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import product
 
 import sympy as sp
+from sympy.polys.ring_series import rs_integrate, rs_mul
 
 from seanav.checks import ParameterError, choice
 
@@ -269,15 +271,33 @@ def expectation(model: System, expression, moment=central_moment):
         Polynomial in the states.
     moment : callable, optional
         ``moment(model, indices)`` gives each central moment. Default: exact symbols.
+
+    Raises
+    ------
+    ParameterError
+        If it is not a polynomial.
     """
-    offsets = [sp.Dummy() for _ in model.states]
-    shift = {x: m + e for x, m, e in zip(model.states, model.mean, offsets, strict=True)}
-    polynomial = sp.Poly(sp.expand(expression.xreplace(shift)), *offsets)
+    if not expression.is_polynomial(*model.states):
+        raise ParameterError("expression", str(expression), "must be a polynomial in the states")
     total = []
-    for powers, coefficient in polynomial.terms():
-        indices = tuple(i for i, power in enumerate(powers) for _ in range(power))
-        total.append(coefficient * moment(model, indices))
-    return sp.expand(sp.Add(*total))
+    for term in sp.Add.make_args(sp.expand(expression)):
+        coefficient, monomial = term.as_independent(*model.states, as_Add=False)
+        powers = monomial.as_powers_dict()
+        raw = _raw_moment(model, tuple(int(powers[x]) for x in model.states), moment)
+        total.append(sp.expand(coefficient * raw))
+    return sp.Add(*total)
+
+
+@cache
+def _raw_moment(model, powers, moment):
+    """Return ⟨x_1^k_1 … x_n^k_n⟩, x = m + e, by the central moments of e."""
+    total = []
+    for chosen in product(*(range(k + 1) for k in powers)):
+        split = list(zip(model.mean, powers, chosen, strict=True))
+        coefficient = sp.Mul(*(sp.binomial(k, j) * m ** (k - j) for m, k, j in split))
+        indices = tuple(i for i, j in enumerate(chosen) for _ in range(j))
+        total.append(sp.expand(coefficient * moment(model, indices)))
+    return sp.Add(*total)
 
 
 def gaussian_moment(model: System, indices):
@@ -489,46 +509,44 @@ def observability(model: System, h, point: dict, orders: int = 8) -> list[int]:
     R. Hermann and A. J. Krener, "Nonlinear controllability and observability",
     *IEEE Transactions on Automatic Control* 22 (1977) 728–740.
     """
-    t, n = sp.Symbol("t"), len(model.states)
+    ring, t = sp.ring("t", sp.QQ)
+    n = len(model.states)
     values = {symbol: sp.Rational(value) for symbol, value in point.items()}
     constants = {s: value for s, value in values.items() if s not in model.states}
-    drift = model.drift.xreplace(constants)
-    slopes = drift.jacobian(model.states)
+    terms = [sp.Poly(f.xreplace(constants), *model.states, domain="QQ") for f in model.drift]
+    drift = [f.terms() for f in terms]
+    slopes = [[f.diff(x).terms() for x in model.states] for f in terms]
     rows = [model.states.index(x) for x in h]
 
-    def series(expression, states):
+    def series(entry, states):
         # Substitute power series into a polynomial, keeping terms below t^orders.
-        total = sp.Poly(0, t, domain="QQ")
-        for powers, coefficient in sp.Poly(expression, *model.states).terms():
-            term = sp.Poly(coefficient, t, domain="QQ")
+        total = ring.zero
+        for powers, coefficient in entry:
+            term = ring(coefficient)
             for state, power in zip(states, powers, strict=True):
                 for _ in range(power):
-                    term = cut(term * state)
+                    term = rs_mul(term, state, t, orders)
             total += term
         return total
 
-    def cut(polynomial):
-        return polynomial.rem(sp.Poly(t**orders, t, domain="QQ"))
-
-    states = [sp.Poly(values[x], t, domain="QQ") for x in model.states]
-    one, none = (sp.Poly(value, t, domain="QQ") for value in (1, 0))
-    gradient = [[one if i == j else none for j in range(n)] for i in range(n)]
+    states = [ring(values[x]) for x in model.states]
+    gradient = [[ring(int(i == j)) for j in range(n)] for i in range(n)]
     start, unit = list(states), [list(row) for row in gradient]
     # Picard iteration: each pass makes one more coefficient right.
-    for _ in range(orders):
+    for _ in range(orders - 1):
         rates = [series(entry, states) for entry in drift]
-        A = [[series(slopes[i, j], states) for j in range(n)] for i in range(n)]
+        A = [[series(entry, states) for entry in row] for row in slopes]
         products = [
-            [cut(sum((A[i][k] * gradient[k][j] for k in range(n)), none)) for j in range(n)]
+            [sum(rs_mul(A[i][k], gradient[k][j], t, orders) for k in range(n)) for j in range(n)]
             for i in range(n)
         ]
-        states = [cut(s + r.integrate(t)) for s, r in zip(start, rates, strict=True)]
+        states = [s + rs_integrate(r, t) for s, r in zip(start, rates, strict=True)]
         gradient = [
-            [cut(unit[i][j] + products[i][j].integrate(t)) for j in range(n)] for i in range(n)
+            [unit[i][j] + rs_integrate(products[i][j], t) for j in range(n)] for i in range(n)
         ]
     ranks, stacked = [], sp.zeros(0, n)
     for order in range(orders):
-        block = [[gradient[i][j].coeff_monomial(t**order) for j in range(n)] for i in rows]
+        block = [[gradient[i][j].coeff(t**order) for j in range(n)] for i in rows]
         stacked = stacked.col_join(sp.Matrix(block))
         ranks.append(stacked.rank())
     return ranks

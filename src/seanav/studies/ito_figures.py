@@ -17,31 +17,37 @@ STYLES = {
 }
 
 
-def _trajectory(ax, result, i, run, legend=True):
+def _trajectory(ax, result, i, run):
     times, x = result.truth.times, result.truth.x[run, :, i]
     mean, sd = result.track.mean[run, :, i], np.sqrt(result.track.P[run, :, i, i])
     ax.fill_between(times, mean - 2 * sd, mean + 2 * sd, color="0.85", label="± 2 own sd")
     ax.plot(times, mean, label="filtered", **FILTERED)
     ax.plot(times, x, label="true", **TRUE)
     ax.set(xlabel="time (s)", ylabel=f"{COMPONENTS[i]} ({UNITS[i]})", xlim=(0, times[-1]))
-    if legend:
-        ax.legend(ncols=3, loc="best")
 
 
 def component(result, i, run=0):
     """Draw one component of one run: true dotted, filtered solid, as in the paper."""
-    fig, ax = plt.subplots(figsize=(5.6, 2.8))
+    # Margins by hand, the legend above: 36 of these, and a solver per figure is slow.
+    fig, ax = plt.subplots(figsize=(5.6, 2.8), layout="none")
+    fig.subplots_adjust(left=0.13, right=0.98, bottom=0.17, top=0.91)
     _trajectory(ax, result, i, run)
+    ax.set_title(f"{result.truth.vehicle}, case {result.case.number}", loc="left")
+    ax.legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0)
     return fig
 
 
 def overview(result, run=0):
     """Draw all six components of one run."""
-    fig, axes = plt.subplots(2, 3, figsize=(9.0, 4.6), sharex=True)
+    fig, axes = plt.subplots(2, 3, figsize=(9.0, 4.6), sharex=True, layout="none")
+    fig.subplots_adjust(left=0.075, right=0.985, bottom=0.11, top=0.92, wspace=0.36, hspace=0.1)
     for i, ax in enumerate(axes.flat):
-        _trajectory(ax, result, i, run, legend=i == 0)
+        _trajectory(ax, result, i, run)
     for ax in axes[0]:
         ax.set_xlabel("")
+    title = f"{result.truth.vehicle}, case {result.case.number}: {result.case.words}"
+    axes[0, 0].set_title(title, loc="left")
+    axes[0, 2].legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0)
     return fig
 
 
@@ -67,22 +73,22 @@ def second_order_map(maps):
     return fig
 
 
-def nees(results):
+def nees(results, band):
     """Draw the NEES over time of the Gaussian closure and the EKF, all cases."""
     fig, axes = plt.subplots(2, 3, figsize=(9.0, 4.8), sharex=True, sharey="row")
     for row, vehicle in zip(axes, VEHICLES, strict=True):
         for number, ax in zip((1, 2, 3), row, strict=True):
             result = results[vehicle, number]
+            ax.axhspan(*band, color="0.85", label="95 % if consistent")
             for name in ("gaussian", "ekf"):
                 values = result.scores[name].nees_by_time
                 ax.plot(result.truth.times[1:], values, label=name, linewidth=1, **STYLES[name])
-            ax.axhline(6, color="black", linewidth=0.8, linestyle=":")
-            ax.set(title=f"{vehicle}, case {number}", ylim=(0, None))
+            ax.set_title(f"{vehicle}, case {number}")
     for ax in axes[1]:
         ax.set_xlabel("time (s)")
     for ax in axes[:, 0]:
         ax.set_ylabel("mean NEES")
-    axes[0, 0].legend()
+    axes[0, 0].legend(loc="upper right")
     return fig
 
 

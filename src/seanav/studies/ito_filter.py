@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from scipy import stats
 
 from seanav import checks, montecarlo
 from seanav.filters import continuous_discrete, generated, moments
@@ -306,6 +307,11 @@ def score(truth, track, consistency=True) -> Score:
     return Score((error**2).mean(axis=1), variance, nees.mean(axis=1), nees.mean(axis=0))
 
 
+def nees_band(runs, states=6):
+    """Return the 95 % interval of the mean NEES of independent consistent runs at one time."""
+    return stats.chi2.ppf([0.025, 0.975], states * runs) / runs
+
+
 def root_ratio(a, b):
     """Return √(mean a / mean b) of per-run scores (runs,), paired, as an `Estimate`."""
     value = float(np.sqrt(a.mean() / b.mean()))
@@ -384,7 +390,7 @@ def origins(scenario) -> list:
     add("torpedo mass", torpedo.mass, "kg", "public source", tables)
     add("torpedo inertia", torpedo.inertia, "kg m²", "public source", tables)
     add("torpedo linear drag", torpedo.linear, "N s/m, N m s", "assumed", "66.6, 6.87 as paper 3")
-    add("torpedo cubic drag", torpedo.cubic, "N s³/m³, N m s³", "assumed", "")
+    add("torpedo cubic drag", torpedo.cubic, "N s³/m³, N m s³", "assumed", "no public value")
     memory = "ODIN sphere from memory of the literature, found nowhere public"
     add("sphere mass", sphere.mass, "kg", "recalled", memory + "; ½ρV of 0.64 m is 70.3 kg")
     add("sphere inertia", sphere.inertia, "kg m²", "recalled", memory + "; 0.4 m r² is 5.18")
@@ -392,18 +398,26 @@ def origins(scenario) -> list:
     add("sphere cubic drag", sphere.cubic, "N s³/m³, N m s³", "recalled", memory)
     for craft in (torpedo, sphere):
         add(f"{craft.name} tau0", craft.inputs, "N, N m", "assumed", "times 1 + 0.5 sin 0.3 t")
+    ours = "ours; the text gives none"
     notes = {
         "small_R": "case 1; chosen to show what the text says of it",
         "large_R": "cases 2 and 3; chosen likewise",
         "strong_noise": "factor on the angular noise",
+        "filter_step": "Runge–Kutta; ours",
+        **dict.fromkeys(("runs", "particles", "particle_runs", "seed"), ours),
+        **dict.fromkeys(("map_noise", "map_interval", "map_R"), ours),
     }
-    units = {"start": "m/s, rad/s", "variance": "squared", "noise": "per √s"}
+    speed, turn = "m/s", "rad/s"
+    units = {
+        "start": f"{speed}, {turn}",
+        "variance": f"({speed})², ({turn})²",
+        "noise": f"{speed}, {turn} per √s",
+    }
+    units = {f"{vehicle}_{part}": unit for vehicle in VEHICLES for part, unit in units.items()}
+    units |= {"small_R": f"({speed})²", "map_R": f"({speed})²", "large_R": units["sphere_variance"]}
+    units |= dict.fromkeys(("interval", "mission", "map_interval", "filter_step"), "s")
+    units |= {f"{vehicle}_step": "s" for vehicle in VEHICLES}
     for name in Scenario.__dataclass_fields__:
-        value = getattr(scenario, name)
-        unit = next((u for end, u in units.items() if name.endswith("_" + end)), "")
-        if name in ("interval", "mission") or name.endswith("_step"):
-            unit = "s"
-        unit = "SI, squared" if name.endswith("_R") else "s" if name == "map_interval" else unit
-        unit = "" if name in ("strong_noise", "map_noise") else unit
-        add(name, value, unit, "assumed", notes.get(name, "lost in the text"))
+        note = notes.get(name, "lost in the text")
+        add(name, getattr(scenario, name), units.get(name, ""), "assumed", note)
     return rows
