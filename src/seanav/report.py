@@ -8,6 +8,7 @@ import math
 import os
 import re
 import shutil
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from numbers import Integral, Real
@@ -228,9 +229,12 @@ class Report:
         A `number` that is a short name, such as ``"B1"``, goes beyond the paper.
         """
         png = self._new("figure", number, ".png")
-        fig.savefig(png, dpi=200, metadata={"Software": None})
         dates = dict.fromkeys(("Creator", "Producer", "CreationDate"))
-        fig.savefig(png.with_suffix(".pdf"), metadata=dates)
+        with warnings.catch_warnings():
+            # Says only that a busy machine took over a second to place a legend.
+            warnings.filterwarnings("ignore", "Creating legend with loc")
+            fig.savefig(png, dpi=200, metadata={"Software": None})
+            fig.savefig(png.with_suffix(".pdf"), metadata=dates)
         width = round(96 * fig.get_figwidth())
         plt.close(fig)
         print(f"Figure {number}. {caption}")
