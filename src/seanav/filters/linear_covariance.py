@@ -36,6 +36,19 @@ def _sandwich(Phi, P, Q, work, out):
 
 
 @kernel
+def _innovation(prior, h, R, u):
+    n = len(h)
+    for i in range(n):
+        u[i] = 0.0
+        for j in range(n):
+            u[i] += prior[i, j] * h[j]
+    S = R
+    for i in range(n):
+        S += h[i] * u[i]
+    return S
+
+
+@kernel
 def _design(Phi, Q, H, R, P0, gains, covariances):
     n = P0.shape[0]
     P, work, u = P0.copy(), np.empty((n, n)), np.empty(n)
@@ -43,13 +56,7 @@ def _design(Phi, Q, H, R, P0, gains, covariances):
     covariances[0] = P
     for step in range(Phi.shape[0]):
         _sandwich(Phi[step], P, Q, work, prior)
-        S = R
-        for i in range(n):
-            u[i] = 0.0
-            for j in range(n):
-                u[i] += prior[i, j] * H[step, j]
-        for i in range(n):
-            S += H[step, i] * u[i]
+        S = _innovation(prior, H[step], R, u)
         for i in range(n):
             gains[step, i] = u[i] / S
             for j in range(n):
@@ -65,13 +72,7 @@ def _achieve(Phi, Q, H, R, M0, gains, moments):
     moments[0] = M
     for step in range(Phi.shape[0]):
         _sandwich(Phi[step], M, Q, work, prior)
-        S = R
-        for i in range(n):
-            u[i] = 0.0
-            for j in range(n):
-                u[i] += prior[i, j] * H[step, j]
-        for i in range(n):
-            S += H[step, i] * u[i]
+        S = _innovation(prior, H[step], R, u)
         for i in range(n):
             for j in range(n):
                 ki, kj = gains[step, i], gains[step, j]

@@ -52,9 +52,10 @@ def stationary(scenario):
 
 
 def three(scenario, swept):
-    """Fly IMMs of three models, with fading and without, beside those of two."""
-    both = (study.AFEKF(scenario, 0.1, 0.5, 1.0), study.EKF(0.1, 0.5, 1.0))
-    filters = [replace(with_chain(f, 0.9), name=f.name) for f in both]
+    """Fly IMMs of all models, with fading and without, beside those of two."""
+    both = (study.AFEKF(scenario, *scenario.sigma_filter), study.EKF(*scenario.sigma_filter))
+    p = scenario.transition[0][0]
+    filters = [replace(with_chain(f, p), name=f.name) for f in both]
     first, *others = scenario.sigma_filter
     pairs = [
         make for s in others for make in (study.AFEKF(scenario, first, s), study.EKF(first, s))

@@ -12,8 +12,7 @@ import numpy as np
 from seanav import montecarlo
 from seanav.filters import linear_covariance
 from seanav.models import currents, earth, inertial
-
-COLUMNS = ("position_m", "velocity_m_s", "levelling_deg", "heading_deg")
+from seanav.studies.imm_scores import TCEP
 
 
 @lru_cache(maxsize=4)
@@ -128,14 +127,14 @@ def scores(scenario, sigma_filter, sigma_true):
     v = math.sqrt(M[:, 3:5].sum(axis=1).mean())
     levelling, heading = math.sqrt(M[:, 6:8].sum(axis=1).mean()), math.sqrt(M[:, 8].mean())
     rms = (math.hypot(math.sqrt(north), math.sqrt(east)), v)
-    tcep = 0.589 * (math.sqrt(north) + math.sqrt(east))
+    tcep = TCEP * (math.sqrt(north) + math.sqrt(east))
     return np.array([*rms, math.degrees(levelling), math.degrees(heading), tcep])
 
 
 def twin(scenario, sigma_filter, sigma_true, runs):
     """Simulate the linear error equations themselves; return mean squares (4, runs).
 
-    The rows are those of `COLUMNS`, over time: m², (m/s)², rad², rad².
+    The rows are position, velocity, levelling and heading, over time: m², (m/s)², rad², rad².
     """
     Phi, H = model(scenario.path(), scenario.correlation_time_s)
     K = gains(scenario, sigma_filter)
@@ -182,4 +181,4 @@ def wrong_time(scenario, sigma_filter, time_filter, sigma_true, time_true):
         M0[18:, 18:] = np.eye(3) * sigma_true**2
     M = linear_covariance.achieve(Phi, Q, H, scenario.log_noise**2, M0, K)
     M = np.einsum("kii->ki", M)[1:, :2] * metres(scenario)[1:] ** 2
-    return 0.589 * np.sqrt(M.mean(axis=0)).sum()
+    return TCEP * np.sqrt(M.mean(axis=0)).sum()

@@ -26,6 +26,7 @@ PRINTED = {
 }
 PRINTED_SIGMA = {2: 0.05, 3: 1.0}
 PAPER_RUNS = 100
+TCEP = 0.589  # of the sum of the two RMS, equation (27)
 
 
 def squares(mission):
@@ -51,8 +52,8 @@ def _tcep(mission):
     value, influence = 0.0, 0.0
     for row in mission.means[:2]:
         root = np.sqrt(row.mean())
-        value += 0.589 * root
-        influence = influence + 0.589 * (row - row.mean()) / (2 * root)
+        value += TCEP * root
+        influence = influence + TCEP * (row - row.mean()) / (2 * root)
     return value, influence
 
 
@@ -147,7 +148,7 @@ def radial_curves(mission):
     cep = np.median(np.hypot(north, east), axis=1)
     count = np.arange(1, len(north) + 1)
     squares_ = [np.cumsum((e**2).mean(axis=1)) / count for e in (north, east)]
-    return rms, cep, 0.589 * (np.sqrt(squares_[0]) + np.sqrt(squares_[1]))
+    return rms, cep, TCEP * (np.sqrt(squares_[0]) + np.sqrt(squares_[1]))
 
 
 def falls(mission, first, last):
