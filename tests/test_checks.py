@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from seanav.checks import ParameterError, choice, integer, number
+from seanav.checks import ParameterError, array, choice, covariance, in_place, integer, number
 
 
 def test_good_values_come_back_as_plain_types():
@@ -63,3 +63,73 @@ def test_choice_lists_what_is_allowed():
 def test_parameter_error_is_a_value_error_of_one_line():
     assert issubclass(ParameterError, ValueError)
     assert "\n" not in str(ParameterError("path", "a\nb", "must be a file"))
+
+
+def test_an_array_comes_back_as_contiguous_floats_of_its_own_shape():
+    found = array("x", np.arange(6).reshape(2, 3).T, (3, "runs"))
+    assert found.dtype == np.float64
+    assert found.flags.c_contiguous
+    np.testing.assert_array_equal(found, [[0, 3], [1, 4], [2, 5]])
+    assert array("R", np.float32(2), ()).shape == ()
+
+
+def test_the_same_word_is_the_same_length_in_every_array():
+    sizes = {}
+    array("mean", np.zeros((3, 2)), ("runs", "states"), sizes)
+    assert sizes == {"runs": 3, "states": 2}
+    array("P", np.zeros((3, 2, 2)), ("runs", "states", "states"), sizes)
+    with pytest.raises(ParameterError) as caught:
+        array("P", np.zeros((1, 2, 2)), ("runs", "states", "states"), sizes)
+    told = "P = (1, 2, 2): must have the shape (3, 2, 2) (runs, states, states)"
+    assert str(caught.value) == told
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [
+        (np.zeros((2, 3)), "x = (2, 3): must have the shape (2, 2)"),
+        (np.zeros(2), "x = (2,): must have the shape (2, 2)"),
+        (3.0, "x = (): must have the shape (2, 2)"),
+        ([[0, 1], [np.nan, 1]], "x = nan: must be finite everywhere, is not at (1, 0)"),
+        ([[0, 1], [1]], "x = '[[0, 1], [1]]': must be an array of real numbers"),
+        ([["a", "b"], ["c", "d"]], "must be an array of real numbers"),
+        (np.eye(2) * 1j, "must be an array of real numbers"),
+        (np.eye(2) > 0, "must be an array of real numbers"),
+        (None, "x = 'None': must be an array of real numbers"),
+    ],
+)
+def test_no_such_array(value, told):
+    with pytest.raises(ParameterError) as caught:
+        array("x", value, (2, 2))
+    assert told in str(caught.value)
+
+
+def test_an_empty_axis_is_refused():
+    with pytest.raises(ParameterError, match=r"must have the shape \(runs, 2\)"):
+        array("x", np.zeros((0, 2)), ("runs", 2))
+
+
+@pytest.mark.parametrize(
+    "value", [[0.0, 1.0], np.arange(2), np.arange(4.0)[::2], np.float32([0, 1])]
+)
+def test_what_is_changed_in_place_is_never_a_copy(value):
+    with pytest.raises(ParameterError, match="it is changed in place"):
+        in_place("mean", value, (2,))
+
+
+def test_what_can_be_changed_in_place_is_the_same_object():
+    value = np.zeros(2)
+    assert in_place("mean", value, ("n",)) is value
+    value.flags.writeable = False
+    with pytest.raises(ParameterError, match="writable"):
+        in_place("mean", value, ("n",))
+
+
+def test_a_covariance_is_symmetric_and_positive_in_its_own_units():
+    assert covariance("P", np.diag([1e-12, 1e12]), 2, definite=True).shape == (2, 2)
+    covariance("P", np.zeros((2, 2)), 2)
+    for bad in ([[1, 2], [2, 1]], [[1, 0.1], [0, 1]], [[0, 1], [1, 0]]):
+        with pytest.raises(ParameterError, match="positive semidefinite"):
+            covariance("P", bad, 2)
+    with pytest.raises(ParameterError, match="positive definite"):
+        covariance("P", np.diag([1.0, 0.0]), 2, definite=True)

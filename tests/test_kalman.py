@@ -157,7 +157,7 @@ def test_runs_do_not_touch_each_other():
         (3, -np.eye(3), "must be symmetric and positive semidefinite"),
         (3, np.triu(np.ones((3, 3))), "must be symmetric and positive semidefinite"),
         (4, np.zeros((3, 3)), "must be symmetric and positive definite"),
-        (7, np.full((4, 30, 3), np.nan), "z = 'NaN or infinity': must be finite everywhere"),
+        (7, np.full((4, 30, 3), np.nan), "z = nan: must be finite everywhere"),
         (7, np.zeros((4, 30)), "must have the shape (runs, steps, measurements)"),
     ],
 )

@@ -1,7 +1,10 @@
 """Checks of what a user hands in: each failure is one line that can be acted on."""
 
 import math
+from collections.abc import Iterable
 from numbers import Integral, Real
+
+import numpy as np
 
 
 class ParameterError(ValueError):
@@ -47,3 +50,103 @@ def choice(name, value, allowed):
     if value not in options:
         raise ParameterError(name, value, "must be one of " + ", ".join(map(repr, options)))
     return value
+
+
+def array(
+    name: str, value, shape: tuple[int | str, ...], sizes: dict[str, int] | None = None
+) -> np.ndarray:
+    """Return `value` as a finite, C-contiguous float array of the wanted shape.
+
+    Parameters
+    ----------
+    shape : tuple of int and str
+        Wanted length of each axis; a word stands for any length of at least 1.
+    sizes : dict, optional
+        Length of each word so far: it grows, and the same word must mean the same length
+        in every array that is checked with it.
+
+    Raises
+    ------
+    ParameterError
+        If it is no such array of real numbers.
+
+    Examples
+    --------
+    >>> sizes = {}
+    >>> mean = array("mean", [[0, 1]], ("runs", 2), sizes)
+    >>> array("P", np.eye(2), ("runs", 2, 2), sizes)
+    Traceback (most recent call last):
+    seanav.checks.ParameterError: P = (2, 2): must have the shape (1, 2, 2) (runs, 2, 2)
+    """
+    try:
+        found = np.asarray(value)
+        if found.dtype.kind not in "iuf":
+            raise TypeError
+        found = np.ascontiguousarray(found, dtype=float).reshape(found.shape)
+    except (TypeError, ValueError):
+        raise ParameterError(name, _short(value), "must be an array of real numbers") from None
+    _demand_shape(name, found.shape, shape, {} if sizes is None else sizes)
+    if not np.isfinite(found).all():
+        place = tuple(int(i) for i in np.argwhere(~np.isfinite(found))[0])
+        at = f" at {place}" if place else ""
+        raise ParameterError(name, float(found[place]), f"must be finite everywhere, is not{at}")
+    return found
+
+
+def in_place(
+    name: str, value, shape: tuple[int | str, ...], sizes: dict[str, int] | None = None
+) -> np.ndarray:
+    """Return `value`, an array that a kernel will change in place, after the checks of `array`.
+
+    Raises
+    ------
+    ParameterError
+        As `array`, and if it is not a writable, C-contiguous float64 array: a copy would
+        take the result in its place.
+    """
+    array(name, value, shape, sizes)
+    usable = isinstance(value, np.ndarray) and value.dtype == np.float64
+    if not (usable and value.flags.c_contiguous and value.flags.writeable):
+        kind = f"{type(value).__name__} of {getattr(value, 'dtype', 'objects')}"
+        allowed = "must be a writable, C-contiguous array of float64: it is changed in place"
+        raise ParameterError(name, kind, allowed)
+    return value
+
+
+def covariance(name: str, value, size: int, *, definite: bool = False) -> np.ndarray:
+    """Return a checked covariance matrix (size, size), else raise `ParameterError`."""
+    matrix = array(name, value, (size, size))
+    kind = "positive definite" if definite else "positive semidefinite"
+    scale = np.sqrt(np.abs(np.diagonal(matrix)))
+    # Relative to each state's own spread: units must not decide what counts as zero.
+    with np.errstate(divide="ignore"):  # a state without variance that has a covariance
+        unit = np.divide(matrix, np.outer(scale, scale), np.zeros_like(matrix), where=matrix != 0)
+    usable = np.isfinite(unit).all() and np.abs(unit - unit.T).max() <= 1e-12
+    if not usable or np.linalg.eigvalsh(unit).min() < (1e-14 if definite else -1e-12):
+        raise ParameterError(name, matrix.tolist(), f"must be symmetric and {kind}")
+    return matrix
+
+
+def _demand_shape(name, found, wanted, sizes):
+    fits = len(found) == len(wanted)
+    if fits:
+        for length, axis in zip(found, wanted, strict=True):
+            if isinstance(axis, str):
+                axis = sizes.setdefault(axis, length) if length else 1
+            fits = fits and length == axis
+    if not fits:
+        numbers = tuple(sizes.get(a, a) if isinstance(a, str) else a for a in wanted)
+        shown = f"must have the shape {_tuple(numbers)}"
+        if numbers != tuple(wanted):
+            shown += f" {_tuple(wanted)}"
+        raise ParameterError(name, found, shown)
+
+
+def _tuple(entries: Iterable) -> str:
+    words = [str(entry) for entry in entries]
+    return f"({words[0]},)" if len(words) == 1 else f"({', '.join(words)})"
+
+
+def _short(value) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

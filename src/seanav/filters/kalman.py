@@ -10,7 +10,7 @@ import numpy as np
 from scipy import linalg
 
 from seanav._compile import kernel
-from seanav.checks import ParameterError
+from seanav.checks import array, covariance
 
 
 class Track(NamedTuple):
@@ -312,15 +312,13 @@ def run(Phi, offsets, H, Q, R, x0, P0, z):
 
 def prepare(Phi, offsets, H, Q, R, x0, P0, z):
     """Check the inputs of a filter and lay them out with the runs innermost."""
-    Phi, H, z = (_array(name, a) for name, a in (("Phi", Phi), ("H", H), ("z", z)))
-    if z.ndim != 3 or not z.size:
-        raise ParameterError("z", z.shape, "must have the shape (runs, steps, measurements)")
+    sizes = {}
+    z = array("z", z, ("runs", "steps", "measurements"), sizes)
+    Phi = array("Phi", Phi, ("states", "states"), sizes)
+    H = array("H", H, ("measurements", "states"), sizes)
+    offsets = array("offsets", offsets, ("steps", "states"), sizes)
+    x0 = array("x0", x0, ("runs", "states"), sizes)
     (runs, steps, m), n = z.shape, len(Phi)
-    offsets, x0 = _array("offsets", offsets), _array("x0", x0)
-    shaped = (("Phi", Phi, (n, n)), ("H", H, (m, n)), ("offsets", offsets, (steps, n)))
-    for name, array, shape in (*shaped, ("x0", x0, (runs, n))):
-        if array.shape != shape:
-            raise ParameterError(name, array.shape, f"must have the shape {shape}")
     Q, P0 = covariance("Q", Q, n), covariance("P0", P0, n)
     R = covariance("R", R, m, definite=True)
     x = np.ascontiguousarray(x0.T)
@@ -335,28 +333,6 @@ def track(x, P, innovation, nis):
     return Track(
         x.transpose(2, 0, 1), P.transpose(3, 0, 1, 2), innovation.transpose(2, 0, 1), nis.T
     )
-
-
-def _array(name, value):
-    array = np.ascontiguousarray(value, dtype=float)
-    if not np.isfinite(array).all():
-        raise ParameterError(name, "NaN or infinity", "must be finite everywhere")
-    return array
-
-
-def covariance(name, value, size, *, definite=False):
-    """Return a checked covariance matrix (size, size), else raise `ParameterError`."""
-    matrix = _array(name, value)
-    if matrix.shape != (size, size):
-        raise ParameterError(name, matrix.shape, f"must have the shape {(size, size)}")
-    kind = "positive definite" if definite else "positive semidefinite"
-    scale = np.sqrt(np.abs(np.diagonal(matrix)))
-    # Relative to each state's own spread: units must not decide what counts as zero.
-    unit = np.divide(matrix, np.outer(scale, scale), np.zeros_like(matrix), where=matrix != 0)
-    asymmetric = np.abs(unit - unit.T).max() > 1e-12 or not np.isfinite(unit).all()
-    if asymmetric or np.linalg.eigvalsh(unit).min() < (1e-14 if definite else -1e-12):
-        raise ParameterError(name, matrix.tolist(), f"must be symmetric and {kind}")
-    return matrix
 
 
 def steady_covariance(Phi, H, Q, R):
