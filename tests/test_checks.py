@@ -91,11 +91,11 @@ def test_the_same_word_is_the_same_length_in_every_array():
         (np.zeros(2), "x = (2,): must have the shape (2, 2)"),
         (3.0, "x = (): must have the shape (2, 2)"),
         ([[0, 1], [np.nan, 1]], "x = nan: must be finite everywhere, is not at (1, 0)"),
-        ([[0, 1], [1]], "x = '[[0, 1], [1]]': must be an array of real numbers"),
+        ([[0, 1], [1]], "x = [[0, 1], [1]]: must be an array of real numbers"),
         ([["a", "b"], ["c", "d"]], "must be an array of real numbers"),
         (np.eye(2) * 1j, "must be an array of real numbers"),
         (np.eye(2) > 0, "must be an array of real numbers"),
-        (None, "x = 'None': must be an array of real numbers"),
+        (None, "x = None: must be an array of real numbers"),
     ],
 )
 def test_no_such_array(value, told):
@@ -133,3 +133,17 @@ def test_a_covariance_is_symmetric_and_positive_in_its_own_units():
             covariance("P", bad, 2)
     with pytest.raises(ParameterError, match="positive definite"):
         covariance("P", np.diag([1.0, 0.0]), 2, definite=True)
+
+
+def test_a_long_value_is_cut():
+    with pytest.raises(ParameterError) as caught:
+        integer("runs", 10**400, at_least=2, at_most=9)
+    assert len(str(caught.value)) < 200
+    with pytest.raises(ParameterError, match="too many digits"):
+        integer("runs", 10**10_000, at_least=2, at_most=9)
+
+
+@pytest.mark.parametrize("value", [True, "1", None, [1], np.eye(2), 2])
+def test_not_one_of_the_choices(value):
+    with pytest.raises(ParameterError, match="must be one of 1, 3"):
+        choice("log_axes", value, (1, 3))

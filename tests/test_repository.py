@@ -25,10 +25,16 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 LOWER = {
     "models": {"_compile", "checks", "models"},
     "filters": {"_compile", "checks", "models", "filters"},
-    "studies": {"_compile", "checks", "models", "filters", "studies", "montecarlo", "report"},
+    "studies": {
+        *("_compile", "checks", "models", "filters", "studies", "montecarlo", "report"),
+        *("scenario", "estimates", "plots"),
+    },
     "_compile": set(),
     "checks": set(),
     "montecarlo": {"checks"},
+    "estimates": {"checks"},
+    "scenario": {"checks"},
+    "plots": {"estimates"},
     "report": {"checks", "montecarlo"},
     "runner": {"checks", "report"},
     "__main__": {"report", "runner"},
@@ -63,7 +69,7 @@ def test_upward_imports_are_seen(line):
 
 
 def test_no_study_is_known_to_the_machinery():
-    for name in ("montecarlo", "report", "runner", "__main__", "checks"):
+    for name in ("montecarlo", "estimates", "scenario", "plots", "report", "runner", "checks"):
         assert not re.search(
             r"gravity|fading|current|neural|ito", (PACKAGE / f"{name}.py").read_text()
         )

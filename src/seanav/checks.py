@@ -11,7 +11,7 @@ class ParameterError(ValueError):
     """A parameter is not usable; the message names it, its value and what is allowed."""
 
     def __init__(self, name, value, allowed):
-        super().__init__(f"{name} = {value!r}: {allowed}")
+        super().__init__(f"{name} = {_short(value)}: {allowed}")
 
 
 def integer(name, value, *, at_least, at_most=None):
@@ -47,9 +47,16 @@ def number(name, value, *, above=-math.inf, at_least=-math.inf, below=math.inf, 
 def choice(name, value, allowed):
     """Return `value` if it is one of `allowed`, else raise `ParameterError`."""
     options = list(allowed)
-    if value not in options:
+    # Python calls True and 1 equal; a user who says one does not mean the other.
+    same = [
+        option
+        for option in options
+        if isinstance(value, (str, Real)) and isinstance(value, bool) == isinstance(option, bool)
+        if value == option
+    ]
+    if not same:
         raise ParameterError(name, value, "must be one of " + ", ".join(map(repr, options)))
-    return value
+    return same[0]
 
 
 def array(
@@ -84,7 +91,7 @@ def array(
             raise TypeError
         found = np.ascontiguousarray(found, dtype=float).reshape(found.shape)
     except (TypeError, ValueError):
-        raise ParameterError(name, _short(value), "must be an array of real numbers") from None
+        raise ParameterError(name, value, "must be an array of real numbers") from None
     _demand_shape(name, found.shape, shape, {} if sizes is None else sizes)
     if not np.isfinite(found).all():
         place = tuple(int(i) for i in np.argwhere(~np.isfinite(found))[0])
@@ -148,5 +155,8 @@ def _tuple(entries: Iterable) -> str:
 
 
 def _short(value) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    try:
+        text = " ".join(repr(value).split())
+    except ValueError:  # Python prints no integer of more than some thousand digits
+        return "a number of too many digits"
+    return text if len(text) <= 100 else f"{text[:97]}..."
