@@ -6,8 +6,8 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 
 from seanav.filters import adaptive, kalman
-from seanav.studies import adaptive_fading as study
-from seanav.studies import adaptive_sweep as sweep
+from seanav.studies.adaptive_fading import beyond, run
+from seanav.studies.adaptive_fading.scenario import Scenario
 
 
 def best_of(function, repeats=5):
@@ -32,10 +32,10 @@ def filterpy_steps(case, z, rows):
 
 
 def main():
-    scenario = study.Scenario()
-    case = study.problem(scenario)
-    noise = study.draw(scenario)
-    _, z = study.simulate(case, noise)
+    scenario = Scenario()
+    case = run.problem(scenario)
+    noise = run.draw(scenario)
+    _, z = run.simulate(case, noise)
     start = np.zeros((scenario.runs, len(case.B)))
     model = (case.Phi, case.believed, case.H, case.Q, case.R, start, case.P0, z)
     five = ("OKF", "SFF(1)", f"SFF({scenario.window})", "MFF(1)", f"MFF({scenario.window})")
@@ -48,8 +48,8 @@ def main():
         (f"multiple factors, μ = {scenario.window}", None,
          lambda: adaptive.run(*model, **multiple), 5),
         ("five filters, simulated and scored", 1.0,
-         lambda: study.run(scenario, case, noise, five), 5),
-        (f"sweep of {scenario.settings} settings", 60.0, lambda: sweep.sweep(scenario), 1),
+         lambda: run.compare(scenario, case, noise, five), 5),
+        (f"sweep of {scenario.settings} settings", 60.0, lambda: beyond.sweep(scenario), 1),
     ]  # fmt: skip
     print(f"{'what':40} {'wall (s)':>10} {'CPU (s)':>10} {'target (s)':>11} {'ns per step':>12}")
     for what, target, function, repeats in rows:

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from seanav import montecarlo
+from seanav import estimates
 from seanav.filters import labels
 from seanav.models import gravity
 from seanav.studies import gravity_pairs, gravity_printed, gravity_scores
@@ -113,7 +113,7 @@ def test_a_plan_wins_only_below_both_the_best_bow_and_the_direct_path():
         Bounds(planned=1.0, direct=0.8, fan=3.0, dropped=0, length_ratio=1.3),
         Bounds(planned=1.0, direct=2.0, fan=1.0, dropped=2, length_ratio=1.4),  # a tie
     ]
-    won = montecarlo.share(2, 5)
+    won = estimates.share(2, 5)
     assert gravity_pairs.share_won(results) == won
     (row,) = gravity_pairs.share_table({("map", 2.0): results})
     assert row[:5] == ("map", 2.0, won.value, won.low, won.high)
@@ -194,9 +194,9 @@ def test_band_is_the_interval_of_every_sample():
     one = gravity_scores.Score(squared, np.ones(3), 10e3)
     low, high = one.band()
     for column in range(3):
-        expected = montecarlo.root_mean_square(squared[:, column])
+        expected = estimates.root_mean_square(squared[:, column])
         assert (low[column], high[column]) == (expected.low, expected.high)
-    assert one.at(5.0) == montecarlo.root_mean_square(squared[:, 1])
+    assert one.at(5.0) == estimates.root_mean_square(squared[:, 1])
 
 
 def test_best_other_is_not_the_planned_path():

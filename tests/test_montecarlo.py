@@ -1,6 +1,5 @@
-"""Streams, parallel batches and intervals, each against an independent reference."""
+"""Streams and parallel batches, each against an independent reference."""
 
-import math
 import os
 import threading
 import time
@@ -15,17 +14,7 @@ from scipy import stats
 
 from seanav import montecarlo
 from seanav.checks import ParameterError
-from seanav.montecarlo import (
-    Estimate,
-    exact,
-    from_influence,
-    mean,
-    normals,
-    parallel_map,
-    root_mean_square,
-    share,
-    streams,
-)
+from seanav.montecarlo import normals, parallel_map, streams
 
 # ---------------------------------------------------------------- random numbers
 
@@ -165,108 +154,3 @@ def test_no_progress_stays_in_a_notebook_run_by_hand(monkeypatch):
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code)])
     NotebookClient(book, kernel_name="python3").execute()
     assert [output.text for output in book.cells[0].outputs] == ["[0, 1, 2]\n"]
-
-
-# ---------------------------------------------------------------- intervals
-
-
-def test_mean_has_the_textbook_t_interval():
-    samples = np.random.default_rng(1).gamma(2.0, size=30)
-    ours = mean(samples)
-    reference = stats.ttest_1samp(samples, 0.0).confidence_interval(0.95)
-    assert (ours.low, ours.high) == pytest.approx(tuple(reference), rel=1e-12)
-    assert ours.se == pytest.approx(stats.sem(samples), rel=1e-12)
-    assert ours.count == 30
-
-
-@pytest.mark.parametrize(("wins", "count"), [(0, 14), (1, 14), (7, 14), (14, 14), (999, 1000)])
-def test_share_is_the_wilson_interval(wins, count):
-    ours = share(wins, count)
-    reference = stats.binomtest(wins, count).proportion_ci(0.95, method="wilson")
-    assert (ours.low, ours.high) == pytest.approx((reference.low, reference.high), abs=1e-12)
-    assert ours.value == wins / count
-
-
-@pytest.mark.parametrize(("wins", "count"), [(3, 2), (-1, 2), (0, 0), (1.0, 2)])
-def test_share_names_the_bad_parameter(wins, count):
-    with pytest.raises(ParameterError, match=r"^(wins|count) = "):
-        share(wins, count)
-
-
-def test_root_mean_square_has_the_delta_method_error():
-    squared = np.random.default_rng(2).chisquare(2, 500)
-    ours = root_mean_square(squared)
-    assert ours.value == pytest.approx(math.sqrt(squared.mean()))
-    # d sqrt(m) = dm / (2 sqrt(m))
-    assert ours.se == pytest.approx(mean(squared).se / (2 * ours.value))
-
-
-def test_root_mean_square_of_nothing_is_zero():
-    assert root_mean_square(np.zeros(5)) == Estimate(0.0, 0.0, 0.0, 0.0, 5)
-
-
-def coverage(estimate, truth, trials, seed):
-    """Return (below, above): how often the true value lies outside, 2.5 % each."""
-    rng = np.random.default_rng(seed)
-    estimates = [estimate(rng) for _ in range(trials)]
-    below = np.mean([truth < e.low for e in estimates])
-    above = np.mean([truth > e.high for e in estimates])
-    return below, above
-
-
-def log_ratio(rng, paired=True):
-    """Compare two errors that share most of their noise; the true log ratio is ln(1.1²)."""
-    common = rng.standard_normal(200)
-    a = (1.1 * (common + 0.3 * rng.standard_normal(200))) ** 2
-    b = (common + 0.3 * rng.standard_normal(200)) ** 2
-    other = b if paired else rng.permutation(b)
-    influence = a / a.mean() - other / other.mean()
-    return from_influence(math.log(a.mean() / b.mean()), influence)
-
-
-INTERVALS = {
-    "mean": (lambda rng: mean(rng.normal(3.0, 2.0, 12)), 3.0),
-    "root mean square": (lambda rng: root_mean_square(rng.normal(0, 2.0, 400) ** 2), 2.0),
-    "share": (lambda rng: share(int(rng.binomial(60, 0.8)), 60), 0.8),
-    "paired log ratio": (log_ratio, math.log(1.21)),
-}
-
-
-@pytest.mark.parametrize("name", INTERVALS)
-def test_intervals_cover_the_truth_in_95_percent(name):
-    estimate, truth = INTERVALS[name]
-    below, above = coverage(estimate, truth, 2000, seed=3)
-    # Two-sided: both tails together near 5 %, neither far from its half.
-    assert 0.03 < below + above < 0.07
-    assert max(below, above) < 0.05
-
-
-def test_coverage_test_sees_wrong_intervals():
-    def too_narrow(rng):  # the normal quantile with 12 samples and no ddof
-        samples = rng.normal(3.0, 2.0, 12)
-        half = 1.96 * samples.std() / math.sqrt(12)
-        return Estimate(samples.mean(), samples.mean() - half, samples.mean() + half, 1.0, 12)
-
-    assert sum(coverage(too_narrow, 3.0, 2000, seed=3)) > 0.07
-    unpaired = sum(coverage(lambda rng: log_ratio(rng, paired=False), math.log(1.21), 2000, 3))
-    assert unpaired < 0.03  # ignoring the common noise makes the interval too wide
-
-
-@pytest.mark.parametrize("bad", [[1.0], [], [[1.0, 2.0]], [1.0, math.nan], [1.0, math.inf]])
-def test_from_influence_refuses_runs_without_an_interval(bad):
-    with pytest.raises(ValueError, match="finite number for each of at least 2 runs"):
-        from_influence(0.0, np.asarray(bad))
-
-
-def test_estimate_refuses_a_value_outside_its_interval():
-    with pytest.raises(ValueError, match="not an estimate"):
-        Estimate(2.0, 0.0, 1.0, 0.5, 10)
-
-
-def test_estimate_refuses_what_is_not_a_number():
-    with pytest.raises(ValueError, match="not an estimate"):
-        exact(math.nan)
-
-
-def test_exact_has_no_width():
-    assert exact(3) == Estimate(3.0, 3.0, 3.0, 0.0, 0)

@@ -4,19 +4,19 @@ import csv
 import itertools
 import json
 import math
-from dataclasses import dataclass
 from types import SimpleNamespace
 
+import attrs
 import numpy as np
 import pytest
 from matplotlib import image, legend
 from matplotlib import pyplot as plt
 
-from seanav.montecarlo import Estimate, exact, from_influence, root_mean_square
+from seanav.estimates import Estimate, exact, from_influence, root_mean_square
 from seanav.report import VERDICTS, Condition, Report, agrees, json_text, significant, verdict
 
 
-@dataclass(frozen=True)
+@attrs.frozen
 class Scenario:
     runs: int = 1000
     radii_km: tuple = (1.0, 2.5)

@@ -1,16 +1,13 @@
-"""Monte Carlo without a paper in it: random streams, parallel batches, 95 % intervals."""
+"""Monte Carlo without a paper in it: random streams, parallel batches."""
 
-import math
 import os
 import sys
 import zlib
 from collections.abc import Callable, Iterable
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 from joblib import Parallel, delayed
-from scipy import stats
 from tqdm import tqdm
 
 from seanav.checks import integer
@@ -135,124 +132,3 @@ def _in_jupyter() -> bool:
         return False
     shell = sys.modules["IPython"].get_ipython()
     return shell is not None and hasattr(shell, "kernel")
-
-
-# ---------------------------------------------------------------- intervals
-
-LEVEL = 0.95
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A number with its 95 % confidence interval.
-
-    Attributes
-    ----------
-    value, low, high : float
-        Point estimate and ends of the interval, in the unit of the number.
-    se : float
-        Standard error in the same unit; 0 for an exact number.
-    count : int
-        Number of independent runs; 0 for an exact number.
-
-    Raises
-    ------
-    ValueError
-        If a number is not finite or the interval does not contain the value.
-    """
-
-    value: float
-    low: float
-    high: float
-    se: float
-    count: int
-
-    def __post_init__(self):
-        numbers = (self.value, self.low, self.high, self.se)
-        if not all(map(math.isfinite, numbers)) or not self.low <= self.value <= self.high:
-            raise ValueError(f"not an estimate with its interval: {self}")
-
-
-def exact(value: float) -> Estimate:
-    """Return a number that is computed without sampling."""
-    return Estimate(float(value), float(value), float(value), 0.0, 0)
-
-
-def from_influence(value: float, influence: np.ndarray) -> Estimate:
-    """Return an estimate whose error is the mean of one contribution per run.
-
-    The delta method: a smooth function g of means of per-run scores s has
-    ``influence[r] = grad g . (s[r] - mean(s))`` and the standard error
-    ``std(influence) / sqrt(runs)``. A paired comparison under common random numbers
-    puts both scores of a run into one contribution, for example the log ratio of two
-    mean squared errors: ``a / mean(a) - b / mean(b)``.
-
-    Parameters
-    ----------
-    value : float
-        The estimate.
-    influence : ndarray, shape (runs,)
-        Contribution of each run to the error, in the unit of `value`; its mean is
-        near 0 and is not used.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two runs or a number is not finite.
-
-    References
-    ----------
-    A. W. van der Vaart, *Asymptotic Statistics*, Cambridge University Press, 1998,
-    chapters 3 and 20; Student's t quantile in place of the normal one.
-    """
-    influence = np.asarray(influence, dtype=float)
-    if influence.ndim != 1 or influence.size < 2 or not np.isfinite(influence).all():
-        raise ValueError("need one finite number for each of at least 2 runs")
-    count = influence.size
-    se = float(np.std(influence, ddof=1)) / math.sqrt(count)
-    half = float(stats.t.ppf(0.5 + LEVEL / 2, count - 1)) * se
-    value = float(value)
-    return Estimate(value, value - half, value + half, se, count)
-
-
-def mean(samples: np.ndarray) -> Estimate:
-    """Return the mean of independent `samples`, shape (runs,), with Student's t interval."""
-    samples = np.asarray(samples, dtype=float)
-    return from_influence(samples.mean(), samples - samples.mean())
-
-
-def root_mean_square(squared: np.ndarray) -> Estimate:
-    """Return the root of the mean of `squared` errors, shape (runs,), one number per run.
-
-    For an RMSE over runs and time hand in each run's mean over time: errors within a
-    run are not independent.
-    """
-    squared = np.asarray(squared, dtype=float)
-    value = math.sqrt(squared.mean())
-    if value == 0.0:
-        return from_influence(0.0, np.zeros_like(squared))
-    return from_influence(value, (squared - squared.mean()) / (2.0 * value))
-
-
-def share(wins: int, count: int) -> Estimate:
-    """Return the share of `wins` among `count` independent trials, with Wilson's interval.
-
-    Raises
-    ------
-    ParameterError
-        If `count` is below 1 or `wins` is not between 0 and `count`.
-
-    References
-    ----------
-    E. B. Wilson, "Probable inference, the law of succession, and statistical
-    inference", *Journal of the American Statistical Association* 22 (1927) 209-212.
-    """
-    count = integer("count", count, at_least=1)
-    wins = integer("wins", wins, at_least=0, at_most=count)
-    p = wins / count
-    z = float(stats.norm.ppf(0.5 + LEVEL / 2))
-    centre = (p + z**2 / (2 * count)) / (1 + z**2 / count)
-    half = z / (1 + z**2 / count) * math.sqrt(p * (1 - p) / count + z**2 / (4 * count**2))
-    # At 0 and 1 the interval ends at the value: rounding must not put it outside.
-    low, high = min(p, max(0.0, centre - half)), max(p, min(1.0, centre + half))
-    return Estimate(p, low, high, math.sqrt(p * (1 - p) / count), count)

@@ -1,7 +1,6 @@
 """What a paper's notebook hands over: figures, tables, claims, deviations, provenance."""
 
 import csv
-import dataclasses
 import io
 import json
 import math
@@ -14,15 +13,16 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from pathlib import Path
 
+import attrs
 import matplotlib
 import numpy as np
 from IPython.display import Image
 from matplotlib import pyplot as plt
 
-from seanav.montecarlo import Estimate
+from seanav.estimates import Estimate
+from seanav.scenario import ORIGINS
 
 VERDICTS = ("reproduced", "partly", "not reproduced", "cannot be tested")
-ORIGINS = ("text", "public source", "recalled", "assumed", "derived")
 
 # ---------------------------------------------------------------- numbers as text
 
@@ -181,7 +181,7 @@ class Report:
     ----------
     stem : str
         Name of the notebook and of its folder of results.
-    scenario : dataclass
+    scenario : seanav.scenario.Parameters
         The validated parameters of the run; they go into the manifest.
     seed : int
         Seed of the run.
@@ -205,7 +205,7 @@ class Report:
         self._about = {
             "seed": seed,
             "quick": quick,
-            "parameters": dataclasses.asdict(scenario),
+            "parameters": attrs.asdict(scenario),
         }
         self._quick = quick
         self._claims = {}

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seanav import montecarlo
+from seanav import estimates, montecarlo
 from seanav.filters import labels
 from seanav.models import gravity, gravity_sources
 from seanav.studies import gravity_planning as study
@@ -153,7 +153,7 @@ def all_comparisons(scenario, maps, noise):
 def share_won(results):
     """Return the share of pairs whose plan beats the bows and the direct path by PCRB."""
     wins = sum(one.planned < min(one.fan, one.direct) for one in results)
-    return montecarlo.share(wins, len(results))
+    return estimates.share(wins, len(results))
 
 
 def share_table(grouped):
@@ -180,7 +180,7 @@ def cost_table(grouped):
             np.log(one.scores["Planned"].total.value / one.scores["Labels"].total.value)
             for one in results
         ]
-        gain = gravity_scores.exp(montecarlo.mean(logs))
+        gain = gravity_scores.exp(estimates.mean(logs))
         rows.append((name, np.median(costs), max(costs), gain.value, gain.low, gain.high))
     return rows
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from seanav import checks, montecarlo
+from seanav import checks, estimates, montecarlo
 from seanav.filters import labels, matching, pcrb, planning, point_mass
 from seanav.models import gravity, gravity_sources
 from seanav.studies.gravity_scores import Score
@@ -401,4 +401,4 @@ def plane_check(scenario, noise):
     inputs = filter_inputs(scenario, chart, noise, points, scenario.planning_noise_mgal)
     last = matching.sitan(*inputs).errors[:, -1]
     P = bound(scenario, chart, points, scenario.planning_noise_mgal)[-1]
-    return montecarlo.mean(np.einsum("ri,ij,rj->r", last, np.linalg.inv(P), last) / 2)
+    return estimates.mean(np.einsum("ri,ij,rj->r", last, np.linalg.inv(P), last) / 2)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import kendalltau
 
-from seanav import montecarlo
+from seanav import estimates
 from seanav.studies.gravity_planning import KM
 
 # Sum of RMSE in km as printed, columns R = 1, 2, 3, 4 mGal (Tables 2 and 3).
@@ -93,7 +93,7 @@ def table_1(scenario):
 def in_km(estimate):
     """Return an `Estimate` in km from one in m."""
     numbers = (estimate.value, estimate.low, estimate.high, estimate.se)
-    return montecarlo.Estimate(*(number / KM for number in numbers), estimate.count)
+    return estimates.Estimate(*(number / KM for number in numbers), estimate.count)
 
 
 def sums_table(scenario, scores):

@@ -6,7 +6,7 @@ import numpy as np
 from contourpy import contour_generator
 from scipy.stats import kendalltau, spearmanr
 
-from seanav import montecarlo
+from seanav import estimates, montecarlo
 from seanav.models import gravity
 
 KM = 1e3  # m
@@ -35,13 +35,13 @@ class Score:
     @property
     def total(self):
         """Sum of RMSE over the samples, an `Estimate` in m."""
-        return montecarlo.from_influence(self.rmse.sum(), self.influence)
+        return estimates.from_influence(self.rmse.sum(), self.influence)
 
     @property
     def over_bound(self):
         """Sum of RMSE over the sum of the root PCRB, an `Estimate`."""
         scale = self.bound.sum()
-        return montecarlo.from_influence(self.rmse.sum() / scale, self.influence / scale)
+        return estimates.from_influence(self.rmse.sum() / scale, self.influence / scale)
 
     @property
     def diverged(self):
@@ -54,11 +54,11 @@ class Score:
 
     def at(self, distance_km):
         """RMSE at a distance along the path, an `Estimate` in m."""
-        return montecarlo.root_mean_square(self.squared[:, self.sample(distance_km)])
+        return estimates.root_mean_square(self.squared[:, self.sample(distance_km)])
 
     def band(self):
         """Return the ends of the RMSE's 95 % interval at every sample, two arrays (samples,) m."""
-        points = [montecarlo.root_mean_square(column) for column in self.squared.T]
+        points = [estimates.root_mean_square(column) for column in self.squared.T]
         return np.array([p.low for p in points]), np.array([p.high for p in points])
 
 
@@ -68,13 +68,13 @@ class Score:
 def log_ratio(one, other):
     """Return the log of the ratio of two sums of RMSE, an `Estimate`."""
     a, b = one.total.value, other.total.value
-    return montecarlo.from_influence(np.log(a / b), one.influence / a - other.influence / b)
+    return estimates.from_influence(np.log(a / b), one.influence / a - other.influence / b)
 
 
 def exp(log):
     """Return the exponential of an `Estimate`, its interval's ends with it."""
     value, low, high = np.exp([log.value, log.low, log.high])
-    return montecarlo.Estimate(value, low, high, value * log.se, log.count)
+    return estimates.Estimate(value, low, high, value * log.se, log.count)
 
 
 def ratio(one, other):
@@ -87,7 +87,7 @@ def ratio_at(one, other, distance_km):
     a = one.squared[:, one.sample(distance_km)]
     b = other.squared[:, other.sample(distance_km)]
     half_log = 0.5 * np.log(a.mean() / b.mean())
-    return exp(montecarlo.from_influence(half_log, 0.5 * (a / a.mean() - b / b.mean())))
+    return exp(estimates.from_influence(half_log, 0.5 * (a / a.mean() - b / b.mean())))
 
 
 def growth(scores, reading):
@@ -105,10 +105,10 @@ def growth(scores, reading):
             b.influence / b.total.value - a.influence / a.total.value
             for a, b in zip(planned, direct, strict=True)
         ]
-        return montecarlo.from_influence(gains[-1].value - gains[0].value, parts[-1] - parts[0])
+        return estimates.from_influence(gains[-1].value - gains[0].value, parts[-1] - parts[0])
     gains = [b.total.value - a.total.value for a, b in zip(planned, direct, strict=True)]
     parts = [b.influence - a.influence for a, b in zip(planned, direct, strict=True)]
-    return montecarlo.from_influence(gains[-1] - gains[0], parts[-1] - parts[0])
+    return estimates.from_influence(gains[-1] - gains[0], parts[-1] - parts[0])
 
 
 def best_other(scores, level):
@@ -127,7 +127,7 @@ def resamples(scenario, count=400):
 def percentile_estimate(value, replicates, count):
     """Return an `Estimate` with the bootstrap percentile interval, stretched to its value."""
     low, high = np.percentile(replicates, (2.5, 97.5))
-    return montecarlo.Estimate(
+    return estimates.Estimate(
         float(value), min(low, value), max(high, value), float(np.std(replicates)), count
     )
 
@@ -179,4 +179,4 @@ def rank_correlation(a, b):
     rho, count = spearmanr(a, b).statistic, len(a)
     half = 1.959964 * np.sqrt((1 + rho**2 / 2) / (count - 3))
     low, high = np.tanh(np.arctanh(rho) + half * np.array([-1.0, 1.0]))
-    return montecarlo.Estimate(rho, low, high, (high - low) / (2 * 1.959964), count)
+    return estimates.Estimate(rho, low, high, (high - low) / (2 * 1.959964), count)

@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.ticker import NullFormatter
 
+from seanav.estimates import Estimate
 from seanav.models import earth
-from seanav.montecarlo import Estimate
 from seanav.studies import imm_scores
 
 KM = 1e3

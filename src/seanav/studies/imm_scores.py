@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from seanav import montecarlo
-from seanav.montecarlo import Estimate
+from seanav import estimates
+from seanav.estimates import Estimate
 
 COLUMNS = ("position_m", "velocity_m_s", "levelling_deg", "heading_deg")
 
@@ -38,7 +38,7 @@ def squares(mission):
 
 def cells(mission):
     """Return one row of Tables 2 and 3: four estimates."""
-    return [montecarlo.root_mean_square(row) for row in squares(mission)]
+    return [estimates.root_mean_square(row) for row in squares(mission)]
 
 
 def position_rms(mission):
@@ -59,13 +59,13 @@ def _tcep(mission):
 
 def tcep(mission) -> Estimate:
     """Return 0.589 (RMS north + RMS east) over time and runs, equation (27), m."""
-    return montecarlo.from_influence(*_tcep(mission))
+    return estimates.from_influence(*_tcep(mission))
 
 
 def tcep_log_ratio(mission, other) -> Estimate:
     """Return ln(TCEP / TCEP of the other), runs paired."""
     (a, da), (b, db) = _tcep(mission), _tcep(other)
-    return montecarlo.from_influence(np.log(a / b), da / a - db / b)
+    return estimates.from_influence(np.log(a / b), da / a - db / b)
 
 
 def _rate(mission, pure, best):
@@ -77,13 +77,13 @@ def _rate(mission, pure, best):
 
 def rate(mission, pure, best) -> Estimate:
     """Return the TCEP rate, equation (28), in percent, runs paired."""
-    return montecarlo.from_influence(*_rate(mission, pure, best))
+    return estimates.from_influence(*_rate(mission, pure, best))
 
 
 def rate_difference(first, second) -> Estimate:
     """Return the difference of two rates in points; each is (mission, pure, best)."""
     (a, da), (b, db) = _rate(*first), _rate(*second)
-    return montecarlo.from_influence(a - b, da - db)
+    return estimates.from_influence(a - b, da - db)
 
 
 def advantage_difference(first, second, third, fourth) -> Estimate:
@@ -92,14 +92,14 @@ def advantage_difference(first, second, third, fourth) -> Estimate:
     signs = (1, -1, -1, 1)
     value = sum(s * v for s, (v, _) in zip(signs, values, strict=True))
     influence = sum(s * i for s, (_, i) in zip(signs, values, strict=True))
-    return montecarlo.from_influence(value, influence)
+    return estimates.from_influence(value, influence)
 
 
 def log_ratios(mission, other):
     """Return ln of the ratios of the four cells, runs paired: four estimates."""
     pairs = zip(squares(mission), squares(other), strict=True)
     return [
-        montecarlo.from_influence(
+        estimates.from_influence(
             0.5 * np.log(a.mean() / b.mean()), 0.5 * (a / a.mean() - b / b.mean())
         )
         for a, b in pairs
@@ -108,37 +108,37 @@ def log_ratios(mission, other):
 
 def mode(mission, model=0) -> Estimate:
     """Return the mode probability of one model, mean over time and runs."""
-    return montecarlo.mean(mission.means[9 + model])
+    return estimates.mean(mission.means[9 + model])
 
 
 def mode_difference(mission, other) -> Estimate:
     """Return the difference of the first mode probability of two missions, runs paired."""
-    return montecarlo.mean(mission.means[9] - other.means[9])
+    return estimates.mean(mission.means[9] - other.means[9])
 
 
 def mode_contrast_difference(mission, other, sign) -> Estimate:
     """Return how much more the modes of `mission` differ, (mu1 − mu2) · sign, than of `other`."""
-    return montecarlo.mean(2 * sign * (mission.means[9] - other.means[9]))
+    return estimates.mean(2 * sign * (mission.means[9] - other.means[9]))
 
 
 def nis(mission) -> Estimate:
     """Return the mean normalised innovation squared; 1 (per axis) is right."""
-    return montecarlo.mean(mission.means[5])
+    return estimates.mean(mission.means[5])
 
 
 def nees(mission) -> Estimate:
     """Return the mean normalised estimation error squared over the records; 16 is right."""
-    return montecarlo.mean(mission.means[6])
+    return estimates.mean(mission.means[6])
 
 
 def mode_curve(mission, model=0):
     """Return the mode probability of one model at each record, mean over runs: estimates."""
-    return [montecarlo.mean(row) for row in mission.series[:, 17 + model]]
+    return [estimates.mean(row) for row in mission.series[:, 17 + model]]
 
 
 def radial_rms(mission):
     """Return the RMS position error (m) at each record: estimates."""
-    return [montecarlo.root_mean_square(row) for row in (mission.series[:, :2] ** 2).sum(axis=1)]
+    return [estimates.root_mean_square(row) for row in (mission.series[:, :2] ** 2).sum(axis=1)]
 
 
 def radial_curves(mission):
@@ -156,7 +156,7 @@ def falls(mission, first, last):
     squared = mission.series[:, :2] ** 2  # (records, 2, runs)
     at = squared.sum(axis=1)
     a, b = at[first], at[last]
-    rms = montecarlo.from_influence(
+    rms = estimates.from_influence(
         0.5 * np.log(b.mean() / a.mean()), 0.5 * (b / b.mean() - a / a.mean())
     )
     values, influences = [], []
@@ -165,7 +165,7 @@ def falls(mission, first, last):
         root = np.sqrt(mean.mean(axis=1, keepdims=True))
         values.append(root.sum())
         influences.append(((mean - root**2) / (2 * root)).sum(axis=0) / root.sum())
-    tcep_ = montecarlo.from_influence(np.log(values[1] / values[0]), influences[1] - influences[0])
+    tcep_ = estimates.from_influence(np.log(values[1] / values[0]), influences[1] - influences[0])
     return rms, tcep_
 
 

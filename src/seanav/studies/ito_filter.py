@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 from scipy import stats
 
-from seanav import checks, montecarlo
+from seanav import checks, estimates, montecarlo
 from seanav.filters import continuous_discrete, generated, moments
 from seanav.models import bodies
 
@@ -283,7 +283,7 @@ class Score:
 
     def rmse(self, component):
         """Return the RMSE of a component, an `Estimate`."""
-        return montecarlo.root_mean_square(self.squared[:, component])
+        return estimates.root_mean_square(self.squared[:, component])
 
     def own_sd_ratio(self, component):
         """Return the filter's own standard deviation over its RMSE, an `Estimate`."""
@@ -315,7 +315,7 @@ def nees_band(runs, states=6):
 def root_ratio(a, b):
     """Return √(mean a / mean b) of per-run scores (runs,), paired, as an `Estimate`."""
     value = float(np.sqrt(a.mean() / b.mean()))
-    return montecarlo.from_influence(value, 0.5 * value * (a / a.mean() - b / b.mean()))
+    return estimates.from_influence(value, 0.5 * value * (a / a.mean() - b / b.mean()))
 
 
 def total(one, open_loop):

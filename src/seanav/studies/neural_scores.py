@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from seanav import montecarlo
+from seanav import estimates
 
 
 def squared(estimate, truth, mask):
@@ -12,18 +12,18 @@ def squared(estimate, truth, mask):
 
 def rmse(estimate, truth, mask):
     """Return the RMSE per component over runs and the steps of a phase, an Estimate in m/s."""
-    return montecarlo.root_mean_square(squared(estimate, truth, mask))
+    return estimates.root_mean_square(squared(estimate, truth, mask))
 
 
 def log_ratio(a, b):
     """Return ln(RMSE a / RMSE b) from paired squared errors (runs,); negative: a is better."""
     influence = (a / a.mean() - b / b.mean()) / 2
-    return montecarlo.from_influence(np.log(a.mean() / b.mean()) / 2, influence)
+    return estimates.from_influence(np.log(a.mean() / b.mean()) / 2, influence)
 
 
 def won(a, b):
     """Return the share of runs in which a has the smaller error; a tie is not won."""
-    return montecarlo.share(int((a < b).sum()), len(a))
+    return estimates.share(int((a < b).sum()), len(a))
 
 
 def weights_share(a, b):
@@ -36,7 +36,7 @@ def weights_share(a, b):
     within = (a - b) ** 2 / 2
     total = ((a - both.mean()) ** 2 + (b - both.mean()) ** 2) / 2
     value = within.mean() / total.mean()
-    return montecarlo.from_influence(value, (within - value * total) / total.mean())
+    return estimates.from_influence(value, (within - value * total) / total.mean())
 
 
 def break_even(rates, a, b):
@@ -64,7 +64,7 @@ def break_even(rates, a, b):
             slope = (high - low) / (rates[n + 1] - rates[n])
             at_root = (1 - part) * influence[n] + part * influence[n + 1]
             root = rates[n] + part * (rates[n + 1] - rates[n])
-            return montecarlo.from_influence(root, -at_root / slope)
+            return estimates.from_influence(root, -at_root / slope)
     return None
 
 

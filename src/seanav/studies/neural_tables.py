@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from seanav import montecarlo
+from seanav import estimates
 from seanav.filters.neural import READINGS
 from seanav.studies import neural_estimator as study
 from seanav.studies import neural_scores as scores
@@ -126,7 +126,7 @@ def factor_rows(varied):
     for level, by_course in varied.items():
         for course, by_phase in by_course.items():
             for phase, (network, teacher) in by_phase.items():
-                error, won = montecarlo.root_mean_square(network), scores.won(network, teacher)
+                error, won = estimates.root_mean_square(network), scores.won(network, teacher)
                 rows.append([level, course, phase, *three(error), *three(won)])
     return rows
 
@@ -190,7 +190,7 @@ def stops(history, delta):
         below = errors < delta
         met = below.any(axis=0)
         epoch = float(np.median(below.argmax(axis=0)[met]) + 1) if met.any() else None
-        rows.append((montecarlo.share(int(met.sum()), met.size), epoch))
+        rows.append((estimates.share(int(met.sum()), met.size), epoch))
     return rows
 
 

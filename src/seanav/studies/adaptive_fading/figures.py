@@ -1,24 +1,21 @@
-"""The drawings of paper 3; each function returns a matplotlib figure and computes nothing new."""
+"""Paper 3: the drawings; each function returns a figure and computes nothing new."""
 
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
 
+from seanav import plots
+
 GREEK = {"psi": "ψ", "theta": "θ"}
-STYLES = {
-    "OKF": ("black", "-"),
-    "SFF(1)": ("#56b4e9", (0, (1, 1))),
-    "MFF(1)": ("#e69f00", (0, (3, 1, 1, 1))),
-    "larger Q": ("#009e73", ":"),
-    "input bias": ("#cc79a7", (0, (5, 1, 1, 1, 1, 1))),
-}
 
 
 def style(name):
-    """Return colour and dash pattern of a filter, the same in every figure."""
-    default = ("#0072b2", "--") if name.startswith("SFF") else ("#d55e00", "-.")
-    color, line = STYLES.get(name, default)
-    return {"color": color, "linestyle": line}
+    """Return the line style of a filter, the same in every figure."""
+    kinds = {"OKF": "optimal", "larger Q": "Kalman", "input bias": "hybrid"}
+    fading = "adaptive" if name.startswith("SFF") else "adaptive, one per state"
+    style = plots.look(kinds.get(name, fading))
+    # The filters as printed rest on one innovation: thinner.
+    return style | {"linewidth": 0.9 if name.endswith("(1)") else 1.5, "marker": None}
 
 
 def axes_of_motion():
@@ -149,21 +146,6 @@ def sweep_map(settings):
     return fig
 
 
-def lines_with_bands(x, curves, xlabel, ylabel, *, log=True, reference=None):
-    """Draw estimates over x; `curves` maps a label to a list of estimates."""
-    fig, ax = plt.subplots(figsize=(6.8, 4.0))
-    for label, row in curves.items():
-        kind = style(label)
-        ax.plot(x, [e.value for e in row], label=label, marker="o", markersize=3, **kind)
-        low, high = [e.low for e in row], [e.high for e in row]
-        ax.fill_between(x, low, high, color=kind["color"], alpha=0.2, linewidth=0)
-    if reference is not None:
-        ax.axhline(reference, color="0.5", linewidth=1, linestyle="-")
-    ax.set(xlabel=xlabel, ylabel=ylabel, xscale="log" if log else "linear")
-    ax.legend()
-    return fig
-
-
 def consistency(case, outcomes, bounds, fault_time):
     """Draw the mean NEES over the runs of each filter, with its two-sided 95 % bounds."""
     fig, ax = plt.subplots(figsize=(6.8, 4.2))
@@ -171,7 +153,7 @@ def consistency(case, outcomes, bounds, fault_time):
     for name, outcome in outcomes.items():
         mean = outcome.nees.mean(axis=0)
         smooth = np.convolve(mean, np.ones(width) / width, mode="valid")
-        ax.semilogy(case.times[width - 1 :], smooth, label=name, **style(name), linewidth=1.1)
+        ax.semilogy(case.times[width - 1 :], smooth, label=name, **style(name))
     ax.axhspan(*bounds, color="0.6", alpha=0.5, linewidth=0, label="95 % bounds of one step")
     ax.axvline(fault_time, color="black", linestyle=":", linewidth=1)
     ax.set(xlabel="time (s)", ylabel="mean NEES")

@@ -1,16 +1,20 @@
-"""Beyond paper 3: random settings, detection curves, and what adaptation costs while healthy."""
+"""Beyond paper 3: random settings, detection curves, what adaptation costs while healthy."""
 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
-from seanav import montecarlo
+from seanav import estimates, montecarlo
 from seanav.filters import adaptive
-from seanav.studies import adaptive_fading as study
+from seanav.studies.adaptive_fading import run, scores
+from seanav.studies.adaptive_fading.scenario import FAULTS, HEALTHY_FROM
 
 WINDOWS = (1, 5, 10, 20, 30)
+
+
 MEASURED = (("v", "r", "psi"), ("r", "psi"), ("v", "r"))
+
+
 ALPHAS = tuple(np.geomspace(1e-4, 0.3, 12))
 
 
@@ -31,7 +35,7 @@ def random_setting(generator):
     """Draw fault, fin signal, measured states, window, units and variances at random."""
     pick = generator.integers
     return (
-        study.FAULTS[pick(len(study.FAULTS))],
+        FAULTS[pick(len(FAULTS))],
         ("sine", "step")[pick(2)],
         MEASURED[pick(len(MEASURED))],
         WINDOWS[pick(len(WINDOWS))],
@@ -59,12 +63,12 @@ def sweep(scenario):
 def _one(scenario, index, setting):
     fault, fin, measured, window, degrees, Q, R = setting
     turn = 180 / np.pi
-    case = study.problem(
+    case = run.problem(
         scenario, fault=fault, fin=fin, measured=measured, Q=Q, R=R,
         units=(1.0, turn, turn) if degrees else None,
     )  # fmt: skip
-    noise = study.draw(scenario, purpose=f"setting {index}", runs=scenario.sweep_runs)
-    truth, z = study.simulate(case, noise)
+    noise = run.draw(scenario, purpose=f"setting {index}", runs=scenario.sweep_runs)
+    truth, z = run.simulate(case, noise)
     options = {
         "OKF": {},
         "SFF(1)": {"method": "single"},
@@ -75,11 +79,11 @@ def _one(scenario, index, setting):
     }
     squares = {}
     for name, given in options.items():
-        x = study.estimate(scenario, case, z, **given).x[..., : len(case.B)]
-        squares[name] = study.squares(x - truth, case.faulty)
+        x = run.estimate(scenario, case, z, **given).x[..., : len(case.B)]
+        squares[name] = scores.squares(x - truth, case.faulty)
     pairs = [("MFF", other) for other in options if other != "MFF"]
     pairs += [("SFF", "OKF"), ("SFF(1)", "OKF"), ("SFF", "input bias"), ("input bias", "OKF")]
-    ratios = {pair: study.ratio(squares[pair[0]], squares[pair[1]]) for pair in pairs}
+    ratios = {pair: scores.ratio(squares[pair[0]], squares[pair[1]]) for pair in pairs}
     return Setting(*setting, ratios)
 
 
@@ -89,7 +93,7 @@ def shares(settings, one, other):
     wins = sum(r.value < 1 for r in ratios)
     clear = (sum(r.high < 1 for r in ratios), sum(r.low > 1 for r in ratios))
     counts = (clear[0], len(ratios) - sum(clear), clear[1])
-    return montecarlo.share(wins, len(ratios)), counts
+    return estimates.share(wins, len(ratios)), counts
 
 
 class Detection(NamedTuple):
@@ -118,12 +122,12 @@ def moving_sum(beta, length):
 
 def detection(scenario, plane="steering", alphas=ALPHAS):
     """Return {fault: Detection} for the optimal filter's β, and for no fault at all."""
-    noise = study.draw(scenario, plane)
+    noise = run.draw(scenario, plane)
 
     def one(fault):
-        case = study.problem(scenario, plane, fault=fault)
-        _, z = study.simulate(case, noise)
-        beta = study.estimate(scenario, case, z).nis
+        case = run.problem(scenario, plane, fault=fault)
+        _, z = run.simulate(case, noise)
+        beta = run.estimate(scenario, case, z).nis
         after = beta[:, case.times > scenario.fault_time]
         rows = []
         for alpha in alphas:
@@ -135,22 +139,22 @@ def detection(scenario, plane="steering", alphas=ALPHAS):
             rows.append(((beta[:, case.healthy] > limit).mean(), delay, missed.mean()))
         return Detection(np.array(alphas), *np.array(rows).T)
 
-    faults = (*study.FAULTS, "none")
+    faults = (*FAULTS, "none")
     return dict(zip(faults, montecarlo.parallel_map(one, faults), strict=True))
 
 
 def healthy_cost(scenario, plane="steering", alphas=ALPHAS):
     """Return {filter: [ratio of its healthy RMSE to the optimal filter's, for each α]}."""
-    case = study.problem(scenario, plane, fault="none")
-    truth, z = study.simulate(case, study.draw(scenario, plane))
-    samples = case.times > study.HEALTHY_FROM
-    optimal = study.squares(study.estimate(scenario, case, z).x - truth, samples)
-    fading = {n: o for n, o in study.filters(scenario).items() if "method" in o}
+    case = run.problem(scenario, plane, fault="none")
+    truth, z = run.simulate(case, run.draw(scenario, plane))
+    samples = case.times > HEALTHY_FROM
+    optimal = scores.squares(run.estimate(scenario, case, z).x - truth, samples)
+    fading = {n: o for n, o in run.filters(scenario).items() if "method" in o}
 
     def one(job):
         name, alpha = job
-        x = study.estimate(scenario, case, z, **fading[name], alpha=alpha).x
-        return study.ratio(study.squares(x - truth, samples), optimal)
+        x = run.estimate(scenario, case, z, **fading[name], alpha=alpha).x
+        return scores.ratio(scores.squares(x - truth, samples), optimal)
 
     jobs = [(name, alpha) for name in fading for alpha in alphas]
     ratios = iter(montecarlo.parallel_map(one, jobs))
@@ -159,18 +163,18 @@ def healthy_cost(scenario, plane="steering", alphas=ALPHAS):
 
 def window_effect(scenario, windows=(1, 2, 5, 10, 20, 30, 50)):
     """Return {(method, noise): [ratio to the OKF after the fault, for each window]}."""
-    noise = study.draw(scenario)
+    noise = run.draw(scenario)
     result = {}
-    for label, given in (("iso", {}), ("base", study.BASE)):
-        case = study.problem(scenario, **given)
-        truth, z = study.simulate(case, noise)
-        optimal = study.squares(study.estimate(scenario, case, z).x - truth, case.faulty)
+    for label, given in (("iso", {}), ("base", run.BASE)):
+        case = run.problem(scenario, **given)
+        truth, z = run.simulate(case, noise)
+        optimal = scores.squares(run.estimate(scenario, case, z).x - truth, case.faulty)
         for method in ("single", "multiple"):
             jobs = [{"method": method, "window": window} for window in windows]
             result[method, label] = [
-                study.ratio(
-                    study.squares(
-                        study.estimate(scenario, case, z, **job).x - truth, case.faulty
+                scores.ratio(
+                    scores.squares(
+                        run.estimate(scenario, case, z, **job).x - truth, case.faulty
                     ),
                     optimal,
                 )
@@ -184,19 +188,13 @@ def unit_change(scenario, name, factors):
 
     `factors` multiply ψ; 180/π makes it degrees. Geometric mean over the states.
     """
-    noise = study.draw(scenario)
-    options = study.filters(scenario)[name]
+    noise = run.draw(scenario)
+    options = run.filters(scenario)[name]
     squares = []
     for factor in (1.0, *factors):
         units = np.array([1.0, 1.0, factor])
-        case = study.problem(scenario, units=units)
-        truth, z = study.simulate(case, noise)
-        errors = (study.estimate(scenario, case, z, **options).x - truth) / units
-        squares.append(study.squares(errors, case.faulty))
-    return [study.ratio(one, squares[0]) for one in squares[1:]]
-
-
-def consistency_bounds(n, runs):
-    """Return the two-sided 95 % bounds of the mean over `runs` runs of a χ² number, n degrees."""
-    low, high = chi2.ppf([0.025, 0.975], n * runs) / runs
-    return float(low), float(high)
+        case = run.problem(scenario, units=units)
+        truth, z = run.simulate(case, noise)
+        errors = (run.estimate(scenario, case, z, **options).x - truth) / units
+        squares.append(scores.squares(errors, case.faulty))
+    return [scores.ratio(one, squares[0]) for one in squares[1:]]

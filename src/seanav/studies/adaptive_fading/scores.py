@@ -1,0 +1,101 @@
+"""Paper 3: errors, ratios, exceedance, growth, with their intervals; operations counted."""
+
+from seanav import estimates
+from seanav.estimates import rms
+
+
+def squares(errors, samples):
+    """Return each run's mean squared error over the chosen samples, (runs, n)."""
+    return (errors[:, samples] ** 2).mean(axis=1)
+
+
+def rmse(errors, samples, state):
+    """Return the RMSE of a state over runs and samples."""
+    return estimates.root_mean_square(squares(errors, samples)[:, state])
+
+
+def ratio(one, other, state=None):
+    """Return the ratio of two RMSEs, paired through the common noise.
+
+    Parameters
+    ----------
+    one, other : ndarray (runs, n)
+        Results of `squares`.
+    state : int or None
+        One state, or the geometric mean over all: the only mean that no unit changes.
+    """
+    logs = (rms(one) / rms(other)).log()
+    chosen = logs.mean() if state is None else logs[state]
+    return estimates.exponential(chosen.estimate())
+
+
+def exceedance(beta, samples, limit):
+    """Return the share of samples at which β exceeds `limit`; an interval over runs."""
+    return estimates.mean((beta[:, samples] > limit).mean(axis=1))
+
+
+def mean_nees(nees, samples):
+    """Return the mean NEES over runs and samples."""
+    return estimates.mean(nees[:, samples].mean(axis=1))
+
+
+def growth(errors, case, scenario, state):
+    """Return the RMSE of the last 20 % of the run over that of the 20 % before it.
+
+    Both are one period of the default fin signal, so a steady error gives 1.
+    """
+    length = 0.2 * scenario.duration
+    late = case.times > scenario.duration - length
+    early = (case.times > scenario.duration - 2 * length) & ~late
+    return ratio(squares(errors, late), squares(errors, early), state)
+
+
+def systematic_share(errors, samples, state):
+    """Return the share of the mean squared error that is the same in all runs.
+
+    The mean over runs, squared, less what chance alone gives it; 0 for an estimate that
+    is right on average at every moment.
+    """
+    e = errors[:, samples, state]
+    runs = len(e)
+    mean = e.mean(axis=0)
+    total = (e**2).mean()
+    # Unbiased: mean² exceeds the squared bias by variance / runs on average.
+    bias = (mean**2 - e.var(axis=0, ddof=1) / runs).mean()
+    influence = (2 * mean * (e - mean)).mean(axis=1) / total
+    influence -= bias / total**2 * ((e**2).mean(axis=1) - total)
+    return estimates.from_influence(bias / total, influence)
+
+
+def table_rows(case, outcomes):
+    """Return rows (filter, state, unit, healthy RMSE and interval, faulty RMSE and interval)."""
+    rows = []
+    for name, outcome in outcomes.items():
+        for i, (state, unit) in enumerate(zip(case.states, case.units, strict=True)):
+            healthy = rmse(outcome.errors, case.healthy, i)
+            faulty = rmse(outcome.errors, case.faulty, i)
+            parts = [x for e in (healthy, faulty) for x in (e.value, e.low, e.high)]
+            rows.append((name, state, unit, *parts))
+    return rows
+
+
+def operations(n, m, method=None, window=1):
+    """Return the multiplications of one filter step with full matrices, runs apart.
+
+    Counted from the equations as a program would do them; no timing enters, so the number
+    is the same everywhere. Times are in the benchmark.
+    """
+    propagate = n * n + n * n * n + n * n * (n + 1) // 2
+    innovate = m * n + n * n * m + m * (m + 1) // 2 * n
+    factor = m * (m + 1) * (m + 2) // 6
+    statistic = m * (m + 1) // 2 + m
+    gain = n * m * (m + 1)
+    joseph = n * n * m + n**3 + n * (n + 1) // 2 * (n + m * m)
+    plain = propagate + innovate + factor + statistic + gain + n * m + joseph
+    if method is None:
+        return plain
+    # The innovation's covariance twice more, its factor and statistic once more.
+    again = 2 * (n * n * m + m * (m + 1) // 2 * n) + factor + statistic
+    sample = window * m * (m + 1) // 2
+    factors = m if method == "single" else n * m * m
+    return plain + again + sample + factors + n * (n + 1)
