@@ -5,14 +5,15 @@ Ratios are taken between things that ran in this one process.
 
 import time
 import warnings
-from dataclasses import replace
 
+import attrs
 import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
 from seanav.filters import neural
-from seanav.studies import neural_estimator as study
+from seanav.studies.neural_estimator import run
+from seanav.studies.neural_estimator.scenario import Scenario
 
 
 def best_of(function, repeats=3):
@@ -47,22 +48,22 @@ def scikit_learn(scenario, x, t):
 
 
 def main():
-    scenario = replace(study.Scenario(), runs=300)
-    z = study.measure(scenario, study.course(scenario, "steady"))
-    teacher = study.numerical(scenario, z)
-    taught = study.first_teaching(scenario, z, teacher)
+    scenario = attrs.evolve(Scenario(), runs=300)
+    z = run.measure(scenario, run.course(scenario, "steady"))
+    teacher = run.numerical(scenario, z)
+    taught = run.first_teaching(scenario, z, teacher)
     lesson = slice(scenario.settle, scenario.examination)
     first, start = (z[0, lesson], teacher[0, lesson]), z[:1, 0]
-    one = replace(scenario, runs=2)
-    alone = study.first_teaching(one, z[:1], teacher[:1])[0].network
+    one = attrs.evolve(scenario, runs=2)
+    alone = run.first_teaching(one, z[:1], teacher[:1])[0].network
     points = np.ascontiguousarray(np.moveaxis(z[:1], 0, -1))
     K, _ = neural.gains(scenario.q, scenario.R, scenario.R, scenario.steps)
     rows = [
-        ("teach 300 networks, H = 100", 5.0, lambda: study.first_teaching(scenario, z, teacher)),
+        ("teach 300 networks, H = 100", 5.0, lambda: run.first_teaching(scenario, z, teacher)),
         (
             "re-taught examination, 300 runs",
             None,
-            lambda: study.examine(scenario, z, teacher, taught, "re-taught"),
+            lambda: run.examine(scenario, z, teacher, taught, "re-taught"),
         ),
         ("MLPRegressor, one network", None, lambda: scikit_learn(one, *first)),
         ("network, one run, 200 steps", None, lambda: alone(points)),

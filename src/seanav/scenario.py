@@ -12,6 +12,7 @@ Conditions between parameters go into ``__attrs_post_init__``.
 """
 
 import math
+import textwrap
 from collections.abc import Callable, Mapping, Sized
 from typing import Any, Self
 
@@ -219,7 +220,8 @@ class Parameters:
         for name, (default, about) in cls.declared().items():
             code, comment = f"{name} = {_literal(default)}", _comment(about)
             beside = f"{code}  # {comment}"
-            lines += [beside] if len(beside) <= WIDTH else [f"# {comment}", code]
+            above = textwrap.wrap(comment, WIDTH, initial_indent="# ", subsequent_indent="# ")
+            lines += [beside] if len(beside) <= WIDTH else [*above, code]
         reduced = [name for name, (_, about) in cls.declared().items() if about.quick]
         return "\n".join([*lines, f"quick = False  # True: fewer {', '.join(reduced)}"])
 

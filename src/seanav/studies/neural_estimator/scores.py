@@ -1,4 +1,4 @@
-"""Scores of paper 2: errors, shares won, paired comparisons, break-even, cost."""
+"""Paper 2: errors, shares won, what the random weights decide, cost; rows of the tables."""
 
 import numpy as np
 
@@ -13,12 +13,6 @@ def squared(estimate, truth, mask):
 def rmse(estimate, truth, mask):
     """Return the RMSE per component over runs and the steps of a phase, an Estimate in m/s."""
     return estimates.root_mean_square(squared(estimate, truth, mask))
-
-
-def log_ratio(a, b):
-    """Return ln(RMSE a / RMSE b) from paired squared errors (runs,); negative: a is better."""
-    influence = (a / a.mean() - b / b.mean()) / 2
-    return estimates.from_influence(np.log(a.mean() / b.mean()) / 2, influence)
 
 
 def won(a, b):
@@ -39,35 +33,6 @@ def weights_share(a, b):
     return estimates.from_influence(value, (within - value * total) / total.mean())
 
 
-def break_even(rates, a, b):
-    """Return the turn rate where the errors of a and b are equal, with its interval.
-
-    Parameters
-    ----------
-    rates : sequence of float
-        Turn rates in growing order.
-    a, b : list of ndarray, shape (runs,)
-        Squared errors at each rate, the same noise at every rate.
-
-    Returns
-    -------
-    Estimate or None
-        Linear interpolation of the log ratio at its first change of sign; None if it
-        has none.
-    """
-    level = [np.log(p.mean() / q.mean()) / 2 for p, q in zip(a, b, strict=True)]
-    influence = [(p / p.mean() - q / q.mean()) / 2 for p, q in zip(a, b, strict=True)]
-    for n in range(len(rates) - 1):
-        low, high = level[n], level[n + 1]
-        if low < 0 <= high:
-            part = -low / (high - low)
-            slope = (high - low) / (rates[n + 1] - rates[n])
-            at_root = (1 - part) * influence[n] + part * influence[n + 1]
-            root = rates[n] + part * (rates[n + 1] - rates[n])
-            return estimates.from_influence(root, -at_root / slope)
-    return None
-
-
 def operations(hidden, pairs, epochs, steps):
     """Return arithmetic operations by name: per step of network and filters, per teaching.
 
@@ -86,3 +51,42 @@ def operations(hidden, pairs, epochs, steps):
         "filter at constant gain": 2 * 3,
         "network, teaching included": network + correction * pairs * epochs / steps,
     }
+
+
+def score_rows(done, names, phases=None):
+    """Return rows (course, phase, estimator, RMSE, low, high, won, low, high)."""
+    rows = []
+    for course, result in done.items():
+        for phase in result.phases if phases is None else phases:
+            for name in names:
+                error = rmse(result.estimates[name], result.truth, result.phases[phase])
+                share = won(result.squared(name, phase), result.squared("teacher", phase))
+                rows.append([course, phase, name, *three(error), *three(share)])
+    return rows
+
+
+def three(estimate):
+    """Return value, low and high of an Estimate."""
+    return [estimate.value, estimate.low, estimate.high]
+
+
+def factor_rows(varied):
+    """Return rows (level, course, phase, RMSE, low, high, won against its teacher, low, high)."""
+    rows = []
+    for level, by_course in varied.items():
+        for course, by_phase in by_course.items():
+            for phase, (network, teacher) in by_phase.items():
+                error, share = estimates.root_mean_square(network), won(network, teacher)
+                rows.append([level, course, phase, *three(error), *three(share)])
+    return rows
+
+
+def stops(history, delta):
+    """Return per reading the share of runs below Δ in time and their median epoch, or None."""
+    rows = []
+    for errors in np.moveaxis(history, 1, 0):
+        below = errors < delta
+        met = below.any(axis=0)
+        epoch = float(np.median(below.argmax(axis=0)[met]) + 1) if met.any() else None
+        rows.append((estimates.share(int(met.sum()), met.size), epoch))
+    return rows

@@ -1,38 +1,21 @@
-"""The drawings of paper 2; each function returns a matplotlib figure and computes nothing new."""
+"""Paper 2: the drawings; each function returns a figure and computes nothing new."""
 
 import numpy as np
 from matplotlib import pyplot as plt
 
+from seanav import plots
 from seanav.filters.neural import READINGS
-from seanav.studies.neural_estimator import STEP
-
-ARROW = {"arrowstyle": "-|>", "color": "black", "shrinkA": 2, "shrinkB": 2}
-BOX = {"boxstyle": "round,pad=0.45", "facecolor": "0.93", "edgecolor": "black"}
-LABEL = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none"}
-
-
-def diagram(boxes, arrows, size, at=0.3):
-    """Draw boxes, name -> (x, y, text), and arrows (from, to, text at that part of the way)."""
-    fig, ax = plt.subplots(figsize=size)
-    drawn = {}
-    for name, (x, y, text) in boxes.items():
-        drawn[name] = ax.text(x, y, text, ha="center", va="center", bbox=BOX, fontsize=9)
-    xs, ys = zip(*[(x, y) for x, y, _ in boxes.values()], strict=True)
-    ax.set(xlim=(min(xs) - 1, max(xs) + 1), ylim=(min(ys) - 0.6, max(ys) + 0.6))
-    ax.axis("off")
-    for begin, end, text in arrows:
-        (x0, y0), (x1, y1) = boxes[begin][:2], boxes[end][:2]
-        style = ARROW | {"patchA": drawn[begin].get_bbox_patch()}
-        style |= {"patchB": drawn[end].get_bbox_patch()}
-        ax.annotate("", (x1, y1), (x0, y0), arrowprops=style)
-        if text:
-            place = (x0 + at * (x1 - x0), y0 + at * (y1 - y0))
-            ax.text(*place, text, ha="center", va="center", fontsize=8, bbox=LABEL)
-    return fig
+from seanav.studies.neural_estimator.scenario import STEP
 
 
 def _asked(scenario):
     return {"measurement": "z", "estimate": "filter"}[scenario.examination_input]
+
+
+def style(name):
+    """Return the line style of an estimator, the same in every figure."""
+    kinds = {"teacher": "Kalman", "frozen": "network", "re-taught": "adaptive"}
+    return plots.look(kinds.get(name, "other")) | {"linewidth": 1.1}
 
 
 def perceptron(hidden, shown=5):
@@ -77,7 +60,7 @@ def system(scenario):
         (_asked(scenario), "network", "examination"),
         ("network", "out", ""),
     ]
-    return diagram(boxes, arrows, (7.5, 3.2), 0.5)
+    return plots.diagram(boxes, arrows, (7.5, 3.2), 0.5)
 
 
 def teaching(scenario):
@@ -98,7 +81,7 @@ def teaching(scenario):
         ("rule", "network", "new weights"),
         ("difference", "stop", ""),
     ]
-    return diagram(boxes, arrows, (7.8, 3.2))
+    return plots.diagram(boxes, arrows, (7.8, 3.2))
 
 
 def examination(scenario):
@@ -115,7 +98,7 @@ def examination(scenario):
         ("filter", "compare", ""),
         ("network", "compare", ""),
     ]
-    return diagram(boxes, arrows, (7.2, 3.2))
+    return plots.diagram(boxes, arrows, (7.2, 3.2))
 
 
 def algorithm(scenario):
@@ -131,44 +114,26 @@ def algorithm(scenario):
     boxes = {n: (2.6 * n, 1, text) for n, text in enumerate(lines[:4])}
     boxes[4] = (2.6 * 2.5, -0.2, lines[4])
     arrows = [(0, 1, ""), (1, 2, ""), (2, 3, ""), (3, 4, ""), (4, 2, "")]
-    return diagram(boxes, arrows, (8.2, 2.6))
+    return plots.diagram(boxes, arrows, (8.2, 2.6))
 
 
 def examples(done, names, run=0):
     """Draw one run of every course, both components (Figure 6)."""
     fig, axes = plt.subplots(len(done), 2, figsize=(8.4, 2.1 * len(done)), sharex=True)
-    colors = ("0072b2", "d55e00", "009e73", "cc79a7")
     for row, (course, result) in zip(axes, done.items(), strict=True):
         time = STEP * np.arange(len(result.truth))
         for k, ax in enumerate(row):
             ax.plot(time, result.z[run, :, k], ".", color="0.7", markersize=3, label="unfiltered")
             ax.plot(time, result.truth[:, k], color="black", linestyle="-", label="truth")
-            for name, color in zip(names, colors, strict=False):
+            for name in names:
                 estimate = result.estimates[name][run, :, k]
-                ax.plot(time, estimate, color=f"#{color}", linewidth=1.1, label=name)
+                ax.plot(time, estimate, label=name, **style(name))
             ax.set_ylabel(f"{('north', 'east')[k]} (m/s)")
             ax.set_title(course)
     for ax in axes[-1]:
         ax.set_xlabel("time (s)")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     fig.legend(handles, labels, loc="outside lower center", ncols=6)
-    return fig
-
-
-def curves(x, series, xlabel, ylabel, *, log=False, mark=None):
-    """Draw one curve per name with its intervals; series: name -> list of Estimate."""
-    fig, ax = plt.subplots()
-    for n, (name, estimates) in enumerate(series.items()):
-        value = np.array([e.value for e in estimates])
-        below = value - [e.low for e in estimates]
-        above = [e.high for e in estimates] - value
-        ax.errorbar(x, value, (below, above), marker="os^vDP"[n % 6], label=name, capsize=2)
-    if log:
-        ax.set_yscale("log")
-    if mark is not None:
-        ax.axvline(mark, color="0.5", linewidth=1, linestyle=":")
-    ax.set(xlabel=xlabel, ylabel=ylabel)
-    fig.legend(loc="outside upper center", ncols=5)
     return fig
 
 

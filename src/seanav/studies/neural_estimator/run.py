@@ -1,115 +1,25 @@
-"""Paper 2: the neural state estimator and its teacher.
-
-Stateczny (2000). The scenario, the courses, the four stages of the cycle. Scores and
-comparisons are in `seanav.studies.neural_scores`.
-"""
+"""Paper 2: courses, the four stages of the cycle, every course with every estimator."""
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+import attrs
 import numpy as np
 
-from seanav import checks, montecarlo
+from seanav import montecarlo
+from seanav.checks import choice
 from seanav.filters import neural
+from seanav.filters.neural import READINGS
+from seanav.studies.neural_estimator import scores
+from seanav.studies.neural_estimator.scenario import COURSES, STEP, VARIANTS
 
 BATCH = 32  # runs per unit of parallel work; fixed, so that results do not depend on threads
-STEP = 3.0  # s, twenty steps a minute
-COURSES = ("steady", "one turn", "two turns", "turn while teaching", "zigzag")
-VARIANTS = ("frozen", "re-taught", "self-taught", "hybrid")
-INPUTS = ("measurement", "estimate")
+
+
 RECENT = 5  # measurements in the hybrid's test
+
+
 CHI2_99 = 9.21  # 99 % point, two degrees of freedom
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """Everything that can be chosen, checked at once; speeds in m/s.
-
-    Raises
-    ------
-    seanav.checks.ParameterError
-        One line that names the parameter, its value and what is allowed.
-    """
-
-    speed: float = 6.0
-    heading_deg: float = 30.0
-    steps: int = 200
-    settle: int = 20
-    pairs: int = 20
-    noise: float = 0.3
-    q: float = 0.005
-    w1: float = 0.3
-    innovation: str = "blended"
-    hidden: int = 100
-    rate: float = 0.1
-    spread: float = 0.5
-    delta: float = 0.001
-    reading: str = "max"
-    max_epochs: int = 500
-    examination_input: str = "measurement"
-    interval: int = 5
-    reteach_epochs: int = 30
-    learner: str = "delta rule"
-    hidden_sizes: tuple = (20, 50, 100, 200)
-    weights: tuple = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
-    intervals: tuple = (5, 10, 20)
-    turn_rates_deg_s: tuple = (0.0, 0.003, 0.006, 0.01, 0.02, 0.05, 0.1, 0.2)
-    runs: int = 320
-    seed: int = 2
-
-    def __post_init__(self):
-        integer, number, choice = checks.integer, checks.number, checks.choice
-        number("speed", self.speed, above=0, below=10)
-        number("heading_deg", self.heading_deg)
-        integer("settle", self.settle, at_least=1)
-        integer("pairs", self.pairs, at_least=1)
-        integer("steps", self.steps, at_least=1)
-        if self.steps <= self.examination:
-            allowed = f"must exceed settle + pairs = {self.examination}: no examination is left"
-            raise checks.ParameterError("steps", self.steps, allowed)
-        number("noise", self.noise, above=0)
-        number("q", self.q, above=0)
-        number("w1", self.w1, at_least=0, at_most=1)
-        choice("innovation", self.innovation, ("blended", "printed"))
-        integer("hidden", self.hidden, at_least=1)
-        number("rate", self.rate, above=0)
-        number("spread", self.spread, above=0)
-        number("delta", self.delta, above=0)
-        choice("reading", self.reading, neural.READINGS)
-        integer("max_epochs", self.max_epochs, at_least=1)
-        choice("examination_input", self.examination_input, INPUTS)
-        integer("interval", self.interval, at_least=1)
-        integer("reteach_epochs", self.reteach_epochs, at_least=1)
-        choice("learner", self.learner, ("delta rule", "MLPRegressor"))
-        self._list("hidden_sizes", lambda name, value: integer(name, value, at_least=1))
-        self._list("weights", lambda name, value: number(name, value, at_least=0, at_most=1))
-        self._list("intervals", lambda name, value: integer(name, value, at_least=1))
-        self._list("turn_rates_deg_s", lambda name, value: number(name, value, at_least=0))
-        integer("runs", self.runs, at_least=2)
-        integer("seed", self.seed, at_least=0)
-
-    def _list(self, name, check):
-        value = getattr(self, name)
-        if not isinstance(value, (list, tuple)) or not value:
-            raise checks.ParameterError(name, value, "must be a list of at least one number")
-        object.__setattr__(self, name, tuple(check(name, item) for item in value))
-
-    def quick(self):
-        """Return the scenario with a tenth of the runs."""
-        return replace(self, runs=max(2, self.runs // 10))
-
-    @property
-    def R(self):
-        """Measurement variance per component, (m/s)²."""
-        return self.noise**2
-
-    @property
-    def examination(self):
-        """First step of the examination."""
-        return self.settle + self.pairs
-
-
-# ---------------------------------------------------------------- truth and measurements
 
 
 def ramp(time, begin, end):
@@ -119,7 +29,7 @@ def ramp(time, begin, end):
 
 def course(scenario, name):
     """Return the true speed vector of a course, north and east, shape (steps, 2) m/s."""
-    checks.choice("course", name, COURSES)
+    choice("course", name, COURSES)
     time = STEP * np.arange(scenario.steps)
     turn, speed = np.zeros_like(time), np.full_like(time, scenario.speed)
     if name == "one turn":
@@ -177,9 +87,6 @@ def phases(scenario, truth):
     return masks | {name: mask for name, mask in parts.items() if mask.any()}
 
 
-# ---------------------------------------------------------------- stages 1 and 2
-
-
 def numerical(scenario, z, w1=None, start="measured"):
     """Return the estimates of the numerical filter, (runs, steps, 2) m/s.
 
@@ -192,12 +99,12 @@ def numerical(scenario, z, w1=None, start="measured"):
     start : {"measured", "zero"}
         x0 = z0 with P0 = R, or x0 = 0 with P0 = q, far too small.
     """
-    checks.choice("start", start, ("measured", "zero"))
+    choice("start", start, ("measured", "zero"))
     w1 = scenario.w1 if w1 is None else w1
     P0, x0 = (scenario.R, z[:, 0]) if start == "measured" else (scenario.q, np.zeros(2))
     K, P = neural.gains(scenario.q, scenario.R, P0, z.shape[1])
     if isinstance(w1, str):
-        checks.choice("w1", w1, ("variable",))
+        choice("w1", w1, ("variable",))
         w1 = neural.manoeuvre_weight(z, K, P, scenario.R, scenario.q, x0)
     return neural.estimate(z, K, w1, x0, scenario.innovation)
 
@@ -209,7 +116,7 @@ def baselines(scenario, z, teacher, tuned_q):
     total = np.cumsum(z, axis=1)
     total[:, 20:] -= np.cumsum(z, axis=1)[:, :-20]
     average = total / np.minimum(np.arange(z.shape[1]) + 1, 20)[:, None]
-    tuned = numerical(replace(scenario, q=tuned_q), z, 0.0)
+    tuned = numerical(attrs.evolve(scenario, q=tuned_q), z, 0.0)
     return {
         "unfiltered": z,
         "constant": constant,
@@ -223,13 +130,10 @@ def tune(scenario, truth, candidates=(1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 
     z = measure(scenario, truth, "tuning noise")
     first = scenario.examination
     errors = [
-        ((numerical(replace(scenario, q=q), z, 0.0) - truth)[:, first:] ** 2).mean()
+        ((numerical(attrs.evolve(scenario, q=q), z, 0.0) - truth)[:, first:] ** 2).mean()
         for q in candidates
     ]
     return candidates[int(np.argmin(errors))]
-
-
-# ---------------------------------------------------------------- stage 3: teaching
 
 
 def _innermost(v):
@@ -280,9 +184,6 @@ def teach_courses(scenario, measured, teachers, weights="weights"):
     return taught
 
 
-# ---------------------------------------------------------------- stage 4: examination
-
-
 def examine(scenario, z, teacher, taught, variant="frozen"):
     """Return the estimates (runs, steps, 2) m/s; before the examination the teacher's.
 
@@ -293,7 +194,7 @@ def examine(scenario, z, teacher, taught, variant="frozen"):
     lesson (99 % point of chi-squared), estimate and next lesson are the network's own;
     otherwise both are the numerical filter's.
     """
-    checks.choice("variant", variant, VARIANTS)
+    choice("variant", variant, VARIANTS)
     if scenario.learner == "MLPRegressor" and variant == "frozen":
         return scikit_learn(scenario, z, teacher)
 
@@ -367,3 +268,132 @@ def scikit_learn(scenario, z, teacher):
             answers = network.predict(neural.scale(asked[run, first:]))
             result[run, first:] = neural.unscale(answers)
     return result
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """One course: truth (steps, 2), measurements (runs, steps, 2), phases, teaching, estimates."""
+
+    truth: np.ndarray
+    z: np.ndarray
+    phases: dict
+    taught: list
+    estimates: dict
+
+    def squared(self, name, phase="examination"):
+        """Return each run's mean squared error of an estimator in a phase, (runs,)."""
+        return scores.squared(self.estimates[name], self.truth, self.phases[phase])
+
+    def parts(self):
+        """Return the examination and its phases, name -> mask; none of them twice."""
+        whole = self.phases["examination"]
+        smaller = {n: m for n, m in self.phases.items() if (m & whole).any() and (m != whole).any()}
+        return {"examination": whole} | smaller
+
+
+def courses(scenario):
+    """Return every course by name, with every estimator of the main table."""
+    truths = {name: course(scenario, name) for name in COURSES}
+    measured = {name: measure(scenario, truth) for name, truth in truths.items()}
+    teachers = {name: numerical(scenario, z) for name, z in measured.items()}
+    taught = teach_courses(scenario, measured, teachers)
+    result = {}
+    for name, z in measured.items():
+        teacher = teachers[name]
+        estimates = {
+            "teacher": teacher,
+            "KF": numerical(scenario, z, 0.0),
+            "GLS": numerical(scenario, z, 1.0),
+            "variable w1": numerical(scenario, z, "variable"),
+            "KF from zero": numerical(scenario, z, 0.0, "zero"),
+            "GLS from zero": numerical(scenario, z, 1.0, "zero"),
+        }
+        tuned = tune(scenario, truths[name])
+        estimates |= baselines(scenario, z, teacher, tuned)
+        for variant in VARIANTS:
+            estimates[variant] = examine(scenario, z, teacher, taught[name], variant)
+        parts = phases(scenario, truths[name])
+        result[name] = Course(truths[name], z, parts, taught[name], estimates)
+    return result
+
+
+def vary(scenario, done, names=COURSES, variant="frozen", weights="weights", **changes):
+    """Return squared errors (runs,), course -> phase -> (network, teacher), one factor changed.
+
+    The phases are those of `Course.parts`. A change that concerns the first teaching or
+    its teacher teaches anew; what equals the default, or must equal it because neither
+    reading of Δ stops a run, is taken from `done`.
+    """
+    changed = attrs.evolve(scenario, **changes)
+    if changed == scenario and weights == "weights":
+        return {
+            name: {
+                phase: tuple(done[name].squared(each, phase) for each in (variant, "teacher"))
+                for phase in done[name].parts()
+            }
+            for name in names
+        }
+    measured = {name: done[name].z for name in names}
+    teachers = {name: numerical(changed, z) for name, z in measured.items()}
+    later = {"interval", "reteach_epochs", "examination_input"}
+    if weights == "weights" and set(changes) <= later:
+        taught = {name: done[name].taught for name in names}
+    else:
+        taught = {}
+        if weights == "weights" and set(changes) == {"reading"}:
+            taught = {n: done[n].taught for n in names if _stops_nobody(changed, done[n].taught)}
+        rest = {name: measured[name] for name in names if name not in taught}
+        taught |= teach_courses(changed, rest, teachers, weights)
+    result = {}
+    for name in names:
+        estimate = examine(changed, measured[name], teachers[name], taught[name], variant)
+        truth = done[name].truth
+        result[name] = {
+            phase: tuple(scores.squared(e, truth, mask) for e in (estimate, teachers[name]))
+            for phase, mask in done[name].parts().items()
+        }
+    return result
+
+
+def _stops_nobody(scenario, taught):
+    # Readings of Δ that stop no run teach alike: the cap ends every one of them.
+    reading = READINGS.index(scenario.reading)
+    return not any(
+        each.met.any() or (each.history[:, reading] < scenario.delta).any() for each in taught
+    )
+
+
+def weight_sweep(scenario, done, purpose=None):
+    """Return course -> phase -> w1 -> squared errors (runs,) of the numerical filter.
+
+    The phases are every step from 1 on ("all"), "initial" and those of `Course.parts`.
+    """
+    result = {}
+    for name, course in done.items():
+        z = course.z if purpose is None else measure(scenario, course.truth, purpose)
+        estimates = {w1: numerical(scenario, z, w1) for w1 in scenario.w1_grid}
+        masks = {"all": np.arange(scenario.steps) >= 1, "initial": course.phases["initial"]}
+        result[name] = {
+            phase: {w1: scores.squared(x, course.truth, mask) for w1, x in estimates.items()}
+            for phase, mask in (masks | course.parts()).items()
+        }
+    return result
+
+
+def histories(taught):
+    """Return the teaching errors of all runs, (epochs, 3, runs), NaN after a batch stopped."""
+    longest = max(len(teaching.history) for teaching in taught)
+    parts = []
+    for teaching in taught:
+        missing = ((0, longest - len(teaching.history)), (0, 0), (0, 0))
+        parts.append(np.pad(teaching.history, missing, constant_values=np.nan))
+    return np.concatenate(parts, axis=2)
+
+
+def uncapped(scenario, course):
+    """Return the teaching errors of a `Course` as if Δ stopped nobody, (epochs, 3, runs)."""
+    if any(teaching.met.any() for teaching in course.taught):
+        endless = attrs.evolve(scenario, delta=1e-12)
+        teacher = course.estimates["teacher"]
+        return histories(first_teaching(endless, course.z, teacher))
+    return histories(course.taught)

@@ -1,17 +1,15 @@
 """Paper 2's study: its scenario, its courses, its four stages, its scores."""
 
-from dataclasses import replace
-
+import attrs
 import numpy as np
 import pytest
 
-from seanav import checks, montecarlo
+from seanav import checks, estimates, montecarlo
 from seanav.filters import neural
-from seanav.studies import neural_estimator as study
-from seanav.studies import neural_scores as scores
-from seanav.studies import neural_tables as tables
+from seanav.studies.neural_estimator import beyond, run, scores
+from seanav.studies.neural_estimator.scenario import COURSES, VARIANTS, Scenario
 
-SMALL = study.Scenario(runs=4, hidden=6, max_epochs=20, reteach_epochs=3, steps=70)
+SMALL = Scenario(runs=4, hidden=6, max_epochs=20, reteach_epochs=3, steps=70)
 
 
 @pytest.mark.parametrize(
@@ -32,23 +30,23 @@ SMALL = study.Scenario(runs=4, hidden=6, max_epochs=20, reteach_epochs=3, steps=
         ("innovation", "mine", "one of 'blended', 'printed'"),
         ("examination_input", "truth", "one of 'measurement', 'estimate'"),
         ("learner", "adam", "one of 'delta rule', 'MLPRegressor'"),
-        ("hidden_sizes", [], "list of at least one number"),
+        ("hidden_sizes", [], "must be a list of 1 to 64 values"),
         ("weights", [0.0, 2.0], "at most 1"),
         ("intervals", [0], "integer of at least 1"),
     ],
 )
 def test_scenario_names_what_is_wrong(name, value, allowed):
     with pytest.raises(checks.ParameterError, match=allowed) as error:
-        study.Scenario(**{name: value})
+        Scenario(**{name: value})
     assert str(error.value).startswith(f"{name} = ")
     assert "\n" not in str(error.value)
 
 
 def test_courses_have_the_stated_speeds_and_turns():
-    scenario = study.Scenario()
+    scenario = Scenario()
     heading = {}
-    for name in study.COURSES:
-        v = study.course(scenario, name)
+    for name in COURSES:
+        v = run.course(scenario, name)
         heading[name] = np.rad2deg(np.unwrap(np.arctan2(v[:, 1], v[:, 0]))) - 30.0
         speed = np.hypot(*v.T)
         slowest = 4.5 if name == "two turns" else 6.0
@@ -63,33 +61,31 @@ def test_courses_have_the_stated_speeds_and_turns():
 
 
 def test_phases_follow_the_truth():
-    scenario = study.Scenario()
-    masks = study.phases(scenario, study.course(scenario, "one turn"))
+    scenario = Scenario()
+    masks = run.phases(scenario, run.course(scenario, "one turn"))
     steps = {name: np.flatnonzero(mask) for name, mask in masks.items()}
     assert (steps["initial"][0], steps["initial"][-1]) == (1, 19)
     assert (steps["collecting"][0], steps["collecting"][-1]) == (20, 39)
     assert (steps["turn"][0], steps["turn"][-1]) == (61, 100)
     assert steps["before turn"][0] == 40
     assert steps["after turn"][-1] == 199
-    assert list(study.phases(scenario, study.course(scenario, "turn while teaching")))[3:] == [
-        "steady"
-    ]
+    assert list(run.phases(scenario, run.course(scenario, "turn while teaching")))[3:] == ["steady"]
 
 
 @pytest.fixture(scope="module")
 def lesson():
-    z = study.measure(SMALL, study.course(SMALL, "one turn"))
-    teacher = study.numerical(SMALL, z)
-    return z, teacher, study.first_teaching(SMALL, z, teacher)
+    z = run.measure(SMALL, run.course(SMALL, "one turn"))
+    teacher = run.numerical(SMALL, z)
+    return z, teacher, run.first_teaching(SMALL, z, teacher)
 
 
-@pytest.mark.parametrize("variant", study.VARIANTS)
+@pytest.mark.parametrize("variant", VARIANTS)
 def test_examination_looks_at_the_past_only(lesson, variant):
     z, teacher, taught = lesson
     other = z.copy()
     other[:, 60:] += 3.0
-    ours = study.examine(SMALL, z, teacher, taught, variant)
-    theirs = study.examine(SMALL, other, study.numerical(SMALL, other), taught, variant)
+    ours = run.examine(SMALL, z, teacher, taught, variant)
+    theirs = run.examine(SMALL, other, run.numerical(SMALL, other), taught, variant)
     np.testing.assert_array_equal(ours[:, :60], theirs[:, :60])
     assert np.abs(ours[:, 60:] - theirs[:, 60:]).max() > 1e-3
 
@@ -100,30 +96,30 @@ def test_teaching_knows_its_own_pairs_only(lesson):
     for values in (other, answers):
         values[:, :20] += 1.0
         values[:, 40:] += 1.0
-    again = study.first_teaching(SMALL, other, answers)
+    again = run.first_teaching(SMALL, other, answers)
     np.testing.assert_array_equal(again[0].network.hidden, taught[0].network.hidden)
     answers[:, 39] += 1.0
-    changed = study.first_teaching(SMALL, other, answers)
+    changed = run.first_teaching(SMALL, other, answers)
     assert (changed[0].network.hidden != taught[0].network.hidden).any()
 
 
 def test_each_run_of_every_batch_has_its_own_first_weights():
-    scenario = replace(SMALL, runs=40)
-    z = study.measure(scenario, study.course(scenario, "steady"))
-    teacher = study.numerical(scenario, z)
-    taught = study.first_teaching(scenario, z, teacher)
+    scenario = attrs.evolve(SMALL, runs=40)
+    z = run.measure(scenario, run.course(scenario, "steady"))
+    teacher = run.numerical(scenario, z)
+    taught = run.first_teaching(scenario, z, teacher)
     generators = montecarlo.streams(scenario.seed, "weights", 40)
-    for run in (0, 31, 32, 39):
-        start = neural.random_network([generators[run]], scenario.hidden, scenario.spread)
-        x, t = (v[run, 20:40, :, None] for v in (z, teacher))
+    for r in (0, 31, 32, 39):
+        start = neural.random_network([generators[r]], scenario.hidden, scenario.spread)
+        x, t = (v[r, 20:40, :, None] for v in (z, teacher))
         alone = neural.teach(start, x, t, max_epochs=20).network
-        ours = taught[run // 32].network.runs(slice(run % 32, run % 32 + 1))
+        ours = taught[r // 32].network.runs(slice(r % 32, r % 32 + 1))
         np.testing.assert_array_equal(ours.hidden, alone.hidden)
 
 
 def test_variants_differ_by_their_lessons(lesson):
     z, teacher, taught = lesson
-    frozen, new, own, _ = (study.examine(SMALL, z, teacher, taught, v) for v in study.VARIANTS)
+    frozen, new, own, _ = (run.examine(SMALL, z, teacher, taught, v) for v in VARIANTS)
     np.testing.assert_array_equal(frozen[:, 40:45], new[:, 40:45])  # taught again at step 44
     np.testing.assert_array_equal(new[:, 40:45], own[:, 40:45])
     assert (new[:, 45:] != frozen[:, 45:]).all()
@@ -136,63 +132,63 @@ def test_variants_differ_by_their_lessons(lesson):
 @pytest.mark.parametrize("variant", ["re-taught", "self-taught"])
 def test_first_supplement_to_the_education_step_by_step(lesson, variant):
     z, teacher, taught = lesson
-    frozen = study.examine(SMALL, z, teacher, taught)
+    frozen = run.examine(SMALL, z, teacher, taught)
     x, t = (np.moveaxis(v[:, 25:45], 0, -1) for v in (z, teacher))
     t = t.copy()
     if variant == "self-taught":
         t[15:] = np.moveaxis(frozen[:, 40:45], 0, -1)
     after = neural.teach(taught[0].network, x, t, max_epochs=3).network
     expected = np.moveaxis(after(np.moveaxis(z[:, 45:50], 0, -1)), -1, 0)
-    ours = study.examine(SMALL, z, teacher, taught, variant)
+    ours = run.examine(SMALL, z, teacher, taught, variant)
     np.testing.assert_array_equal(ours[:, 45:50], expected)
 
 
 def test_hybrid_is_the_network_while_steady_and_the_teacher_in_a_sharp_turn(lesson):
-    scenario = replace(SMALL, noise=0.05)
-    truth = study.course(scenario, "steady").copy()
+    scenario = attrs.evolve(SMALL, noise=0.05)
+    truth = run.course(scenario, "steady").copy()
     truth[50:] += 4.0
-    z = study.measure(scenario, truth)
-    teacher = study.numerical(scenario, z)
-    taught = study.first_teaching(scenario, z, teacher)
-    hybrid = study.examine(scenario, z, teacher, taught, "hybrid")
-    own = study.examine(scenario, z, teacher, taught, "self-taught")
+    z = run.measure(scenario, truth)
+    teacher = run.numerical(scenario, z)
+    taught = run.first_teaching(scenario, z, teacher)
+    hybrid = run.examine(scenario, z, teacher, taught, "hybrid")
+    own = run.examine(scenario, z, teacher, taught, "self-taught")
     np.testing.assert_array_equal(hybrid[:, 50:55], teacher[:, 50:55])
     assert (hybrid[:, 40] == own[:, 40]).mean() > 0.5
     assert (hybrid[:, 40] == teacher[:, 40]).mean() < 0.5
 
 
 def test_hybrid_by_its_rule_run_by_run_and_step_by_step():
-    scenario = replace(SMALL, steps=100)
-    truth = study.course(scenario, "one turn")
-    z = study.measure(scenario, truth)
-    teacher = study.numerical(scenario, z)
-    taught = study.first_teaching(scenario, z, teacher)[0].network
-    ours = study.examine(scenario, z, teacher, study.first_teaching(scenario, z, teacher), "hybrid")
+    scenario = attrs.evolve(SMALL, steps=100)
+    truth = run.course(scenario, "one turn")
+    z = run.measure(scenario, truth)
+    teacher = run.numerical(scenario, z)
+    taught = run.first_teaching(scenario, z, teacher)[0].network
+    ours = run.examine(scenario, z, teacher, run.first_teaching(scenario, z, teacher), "hybrid")
     chosen = []
-    for run in range(scenario.runs):
-        network, lesson = taught.runs(slice(run, run + 1)), teacher[run].copy()
-        known = z[run, 20:40].mean(axis=0)
+    for r in range(scenario.runs):
+        network, lesson = taught.runs(slice(r, r + 1)), teacher[r].copy()
+        known = z[r, 20:40].mean(axis=0)
         for i in range(40, scenario.steps):
-            shift = z[run, i - 4 : i + 1].mean(axis=0) - known
+            shift = z[r, i - 4 : i + 1].mean(axis=0) - known
             own = shift @ shift / (scenario.R * (1 / 5 + 1 / 20)) < 9.21
             chosen.append(own)
             if own:
-                lesson[i] = network(z[run, i][None, :, None])[0, :, 0]
-            np.testing.assert_allclose(ours[run, i], lesson[i], rtol=1e-12)
+                lesson[i] = network(z[r, i][None, :, None])[0, :, 0]
+            np.testing.assert_allclose(ours[r, i], lesson[i], rtol=1e-12)
             if i % 5 == 4:
                 last = slice(i - 19, i + 1)
-                known = z[run, last].mean(axis=0)
+                known = z[r, last].mean(axis=0)
                 network = neural.teach(
-                    network, z[run, last, :, None], lesson[last, :, None], max_epochs=3
+                    network, z[r, last, :, None], lesson[last, :, None], max_epochs=3
                 ).network
     assert 0.1 < np.mean(chosen) < 0.9
 
 
-@pytest.mark.parametrize("variant", study.VARIANTS)
+@pytest.mark.parametrize("variant", VARIANTS)
 def test_examination_asks_what_it_is_told_to_ask(lesson, variant):
     z, teacher, taught = lesson
-    scenario = replace(SMALL, examination_input="estimate", steps=70)
-    ours = study.examine(scenario, z, teacher, taught, variant)
+    scenario = attrs.evolve(SMALL, examination_input="estimate", steps=70)
+    ours = run.examine(scenario, z, teacher, taught, variant)
     answer = taught[0].network(np.moveaxis(teacher[:, 40:41], 0, -1))[0].T
     own = (ours[:, 40] == answer).all(axis=1)
     assert own.all() if variant != "hybrid" else own.any()
@@ -200,25 +196,25 @@ def test_examination_asks_what_it_is_told_to_ask(lesson, variant):
 
 
 def test_numerical_filter_starts_at_the_first_measurement_or_at_zero():
-    z = study.measure(SMALL, study.course(SMALL, "steady"))
+    z = run.measure(SMALL, run.course(SMALL, "steady"))
     R, q = SMALL.R, SMALL.q
-    measured = study.numerical(SMALL, z, 0.0)
+    measured = run.numerical(SMALL, z, 0.0)
     np.testing.assert_array_equal(measured[:, 0], z[:, 0])
     gain = (R + q) / (2 * R + q)
     np.testing.assert_allclose(measured[:, 1], (1 - gain) * z[:, 0] + gain * z[:, 1], rtol=1e-12)
-    zero = study.numerical(SMALL, z, 0.0, "zero")
+    zero = run.numerical(SMALL, z, 0.0, "zero")
     np.testing.assert_array_equal(zero[:, 0], 0.0)
     np.testing.assert_allclose(zero[:, 1], 2 * q / (2 * q + R) * z[:, 1], rtol=1e-12)
 
 
 def test_tuned_filter_is_slow_on_a_steady_course_and_quick_in_a_zigzag():
-    scenario = replace(study.Scenario(), runs=20)
+    scenario = attrs.evolve(Scenario(), runs=20)
     candidates = (1e-5, 1e-3, 0.03, 10.0)
     best = {}
     for name in ("steady", "zigzag"):
-        truth = study.course(scenario, name)
-        best[name] = study.tune(scenario, truth, candidates)
-        z = study.measure(scenario, truth, "tuning noise")
+        truth = run.course(scenario, name)
+        best[name] = run.tune(scenario, truth, candidates)
+        z = run.measure(scenario, truth, "tuning noise")
         errors = {}
         for q in candidates:
             K, _ = neural.gains(q, scenario.R, scenario.R, scenario.steps)
@@ -228,12 +224,12 @@ def test_tuned_filter_is_slow_on_a_steady_course_and_quick_in_a_zigzag():
 
 
 def test_filter_is_not_tuned_on_the_noise_of_the_test():
-    scenario = replace(study.Scenario(), runs=2)
-    truth = study.course(scenario, "one turn")
+    scenario = attrs.evolve(Scenario(), runs=2)
+    truth = run.course(scenario, "one turn")
     candidates = tuple(np.geomspace(0.01, 0.1, 150))  # fine enough to tell two noises apart
     best = {}
     for purpose in ("tuning noise", "noise"):
-        z = study.measure(scenario, truth, purpose)
+        z = run.measure(scenario, truth, purpose)
         errors = []
         for q in candidates:
             K, _ = neural.gains(q, scenario.R, scenario.R, scenario.steps)
@@ -241,11 +237,11 @@ def test_filter_is_not_tuned_on_the_noise_of_the_test():
             errors.append((error**2).mean())
         best[purpose] = candidates[int(np.argmin(errors))]
     assert best["tuning noise"] != best["noise"]
-    assert study.tune(scenario, truth, candidates) == best["tuning noise"]
+    assert run.tune(scenario, truth, candidates) == best["tuning noise"]
 
 
 def test_constant_turn_begins_with_the_examination():
-    v = study.turning(SMALL, 0.05)
+    v = run.turning(SMALL, 0.05)
     heading = np.rad2deg(np.arctan2(v[:, 1], v[:, 0]))
     np.testing.assert_allclose(heading[:41], 30.0)
     np.testing.assert_allclose(heading[40:], 30.0 + 0.15 * np.arange(30))
@@ -253,43 +249,43 @@ def test_constant_turn_begins_with_the_examination():
 
 
 def test_results_do_not_depend_on_threads_nor_on_the_number_of_runs(monkeypatch):
-    many, few = replace(SMALL, runs=40), replace(SMALL, runs=33)
+    many, few = attrs.evolve(SMALL, runs=40), attrs.evolve(SMALL, runs=33)
     results = []
     for scenario, threads in ((many, "1"), (many, "2"), (few, "2")):
         monkeypatch.setenv("SEANAV_THREADS", threads)
-        z = study.measure(scenario, study.course(scenario, "zigzag"))
-        teacher = study.numerical(scenario, z)
-        taught = study.first_teaching(scenario, z, teacher)
-        results.append(study.examine(scenario, z, teacher, taught, "re-taught"))
+        z = run.measure(scenario, run.course(scenario, "zigzag"))
+        teacher = run.numerical(scenario, z)
+        taught = run.first_teaching(scenario, z, teacher)
+        results.append(run.examine(scenario, z, teacher, taught, "re-taught"))
     np.testing.assert_array_equal(results[0], results[1])
     np.testing.assert_array_equal(results[0][:33], results[2])
 
 
 def test_trivial_baselines():
-    truth = study.course(SMALL, "steady")
-    z = study.measure(SMALL, truth)
-    teacher = study.numerical(SMALL, z)
-    plain = study.baselines(SMALL, z, teacher, 0.001)
+    truth = run.course(SMALL, "steady")
+    z = run.measure(SMALL, truth)
+    teacher = run.numerical(SMALL, z)
+    plain = run.baselines(SMALL, z, teacher, 0.001)
     np.testing.assert_allclose(plain["constant"][2, 55], teacher[2, 20:40].mean(axis=0))
     np.testing.assert_allclose(plain["20-point average"][:, 45], z[:, 26:46].mean(axis=1))
     np.testing.assert_allclose(plain["20-point average"][:, 4], z[:, :5].mean(axis=1))
 
 
 def test_courses_with_one_lesson_share_their_networks():
-    measured = {n: study.measure(SMALL, study.course(SMALL, n)) for n in study.COURSES}
-    teachers = {n: study.numerical(SMALL, z) for n, z in measured.items()}
-    taught = study.teach_courses(SMALL, measured, teachers)
+    measured = {n: run.measure(SMALL, run.course(SMALL, n)) for n in COURSES}
+    teachers = {n: run.numerical(SMALL, z) for n, z in measured.items()}
+    taught = run.teach_courses(SMALL, measured, teachers)
     assert taught["steady"] is taught["one turn"]
     assert taught["steady"] is not taught["zigzag"]
 
 
 def test_scikit_learns_network_finds_the_same_constant():
-    scenario = replace(SMALL, hidden=10, max_epochs=150)
-    z = study.measure(scenario, study.course(scenario, "steady"))
-    teacher = study.numerical(scenario, z)
-    other = study.scikit_learn(scenario, z, teacher)
-    by_parameter = replace(scenario, learner="MLPRegressor")
-    np.testing.assert_array_equal(study.examine(by_parameter, z, teacher, []), other)
+    scenario = attrs.evolve(SMALL, hidden=10, max_epochs=150)
+    z = run.measure(scenario, run.course(scenario, "steady"))
+    teacher = run.numerical(scenario, z)
+    other = run.scikit_learn(scenario, z, teacher)
+    by_parameter = attrs.evolve(scenario, learner="MLPRegressor")
+    np.testing.assert_array_equal(run.examine(by_parameter, z, teacher, []), other)
     mean = teacher[:, 20:40].mean(axis=1, keepdims=True)
     # Its best answer is a little better than the mean of the lesson, and near it.
     assert np.abs(other[:, 40:].mean(axis=1) - mean[:, 0]).max() < 0.15
@@ -300,7 +296,7 @@ def test_scikit_learns_network_finds_the_same_constant():
 
 def test_log_ratio_of_paired_errors_is_exact_for_a_constant_factor():
     a = 1.0 + montecarlo.normals(1, "a", 50, (1,))[:, 0] ** 2
-    ratio = scores.log_ratio(a, 4.0 * a)
+    ratio = estimates.log_ratio(a, 4.0 * a)
     assert ratio.value == pytest.approx(-np.log(2.0))
     assert ratio.se < 1e-15
 
@@ -312,11 +308,11 @@ def test_smaller_error_wins_and_a_tie_does_not():
 
 
 def test_rows_of_a_table_are_counted_run_by_run():
-    scenario = replace(SMALL, steps=50)
-    done = tables.courses(scenario)
+    scenario = attrs.evolve(SMALL, steps=50)
+    done = run.courses(scenario)
     names = ["KF", "frozen"]
-    rows = {tuple(row[:3]): row[3:] for row in tables.score_rows(done, names, ["examination"])}
-    assert len(rows) == len(study.COURSES) * 2
+    rows = {tuple(row[:3]): row[3:] for row in scores.score_rows(done, names, ["examination"])}
+    assert len(rows) == len(COURSES) * 2
     for course, result in done.items():
         mean_square = {
             name: [np.mean((result.estimates[name][run, 40:] - result.truth[40:]) ** 2)
@@ -328,12 +324,12 @@ def test_rows_of_a_table_are_counted_run_by_run():
             assert error == pytest.approx(np.sqrt(np.mean(mean_square[name])))
             pairs = zip(mean_square[name], mean_square["teacher"], strict=True)
             assert won == sum(ours < theirs for ours, theirs in pairs) / scenario.runs
-    (row,) = tables.factor_rows(
+    (row,) = scores.factor_rows(
         {"level": {"c": {"p": (np.array([4.0, 4.0, 9.0]), np.full(3, 5.0))}}}
     )
     assert row[:3] == ["level", "c", "p"]
     assert (row[3], row[6]) == (pytest.approx(np.sqrt(17 / 3)), 2 / 3)
-    sweep = tables.weight_sweep(scenario, done)["zigzag"]
+    sweep = run.weight_sweep(scenario, done)["zigzag"]
     gls = done["zigzag"].estimates["GLS"] - done["zigzag"].truth
     for phase, steps in (("all", slice(1, None)), ("initial", slice(1, 20))):
         expected = (gls[:, steps] ** 2).mean(axis=(1, 2))
@@ -354,10 +350,10 @@ def test_break_even_of_known_curves():
     ones = 1 + 0.1 * rng.standard_normal((2, 400))
     rates = (0.0, 1.0, 2.0)
     a = [ones[0] * np.exp(2 * (rate - 1.25)) for rate in rates]
-    root = scores.break_even(rates, a, [ones[1]] * 3)
+    root = beyond.break_even(rates, a, [ones[1]] * 3)
     assert root.value == pytest.approx(1.25 - np.log(ones[0].mean() / ones[1].mean()) / 2)
     assert root.se == pytest.approx(0.1 * np.sqrt(2) / 2 / 20, rel=0.1)
-    assert scores.break_even(rates, a, [100 * ones[1]] * 3) is None
+    assert beyond.break_even(rates, a, [100 * ones[1]] * 3) is None
 
 
 def test_interval_of_the_break_even_is_the_one_of_the_jackknife():
@@ -365,22 +361,22 @@ def test_interval_of_the_break_even_is_the_one_of_the_jackknife():
     rates = (0.0, 1.0, 3.0)
     a = [1.0 + noise[:, 0], 1.4 + noise[:, 1], 4.0 + 3 * noise[:, 2]]
     b = [2.0 + noise[:, 3]] * 3
-    root = scores.break_even(rates, a, b)
+    root = beyond.break_even(rates, a, b)
     level = [np.log(p.mean() / b[0].mean()) for p in a]
     assert level[1] < 0 < level[2]
     assert root.value == pytest.approx(np.interp(0.0, level[1:], rates[1:]), rel=1e-12)
     keep = ~np.eye(60, dtype=bool)
-    left = [scores.break_even(rates, [p[k] for p in a], [p[k] for p in b]).value for k in keep]
+    left = [beyond.break_even(rates, [p[k] for p in a], [p[k] for p in b]).value for k in keep]
     assert root.se == pytest.approx(np.std(left) * np.sqrt(59), rel=0.05)
 
 
 def test_what_equals_the_default_is_not_run_again():
-    scenario = replace(SMALL, steps=50)
-    done = tables.courses(scenario)
+    scenario = attrs.evolve(SMALL, steps=50)
+    done = run.courses(scenario)
     name = ("one turn",)
 
     def vary(*args, **changes):
-        return tables.vary(scenario, done, name, *args, **changes)["one turn"]["examination"]
+        return run.vary(scenario, done, name, *args, **changes)["one turn"]["examination"]
 
     known = vary("re-taught")
     again = vary("re-taught", interval=3)
@@ -403,30 +399,30 @@ def test_what_equals_the_default_is_not_run_again():
 def test_readings_that_stop_nobody_share_their_networks(delta, default):
     # 1e-9 stops nobody; 0.03 some by the rms, 0.06 some by the greatest error too; the
     # mean square stops where the others do not.
-    scenario = replace(SMALL, steps=50, delta=delta, reading=default)
-    done = tables.courses(scenario)
+    scenario = attrs.evolve(SMALL, steps=50, delta=delta, reading=default)
+    done = run.courses(scenario)
     for name in ("steady", "zigzag"):
         course = done[name]
         teacher = course.estimates["teacher"]
         for reading in neural.READINGS:
-            changed = replace(scenario, reading=reading)
-            taught = study.first_teaching(changed, course.z, teacher)
-            plain = study.examine(changed, course.z, teacher, taught)
-            ours = tables.vary(scenario, done, (name,), reading=reading)[name]
+            changed = attrs.evolve(scenario, reading=reading)
+            taught = run.first_teaching(changed, course.z, teacher)
+            plain = run.examine(changed, course.z, teacher, taught)
+            ours = run.vary(scenario, done, (name,), reading=reading)[name]
             for phase, mask in course.parts().items():
                 expected = scores.squared(plain, course.truth, mask)
                 np.testing.assert_array_equal(ours[phase][0], expected)
-        endless = study.first_teaching(replace(scenario, delta=1e-12), course.z, teacher)
-        expected = tables.histories(endless)
-        np.testing.assert_array_equal(tables.uncapped(scenario, course), expected)
+        endless = run.first_teaching(attrs.evolve(scenario, delta=1e-12), course.z, teacher)
+        expected = run.histories(endless)
+        np.testing.assert_array_equal(run.uncapped(scenario, course), expected)
 
 
 def test_parts_of_the_examination_name_no_phase_twice():
     names = {}
-    for name in study.COURSES:
-        truth = study.course(SMALL, name)
-        phases = study.phases(SMALL, truth)
-        names[name] = list(tables.Course(truth, None, phases, [], {}).parts())
+    for name in COURSES:
+        truth = run.course(SMALL, name)
+        phases = run.phases(SMALL, truth)
+        names[name] = list(run.Course(truth, None, phases, [], {}).parts())
     assert names["steady"] == names["zigzag"] == names["turn while teaching"] == ["examination"]
     assert names["one turn"] == ["examination", "before turn", "turn"]
 
@@ -434,7 +430,7 @@ def test_parts_of_the_examination_name_no_phase_twice():
 def test_stops_count_runs_and_epochs():
     history = np.full((3, 3, 2), 1.0)
     history[1:, 0, 0] = 1e-4
-    rows = tables.stops(history, 1e-3)
+    rows = scores.stops(history, 1e-3)
     assert rows[0][0].value == 0.5
     assert rows[0][1] == 2.0
     assert rows[1][0].value == 0.0
@@ -444,8 +440,8 @@ def test_stops_count_runs_and_epochs():
 def test_slope_is_the_derivative_of_the_network(lesson):
     network = lesson[2][0].network
     centre = np.full((2, 4), 3.0)
-    fine = tables.slope(network, centre, step=1e-4)
-    np.testing.assert_allclose(tables.slope(network, centre), fine, rtol=2e-2, atol=1e-4)
+    fine = beyond.slope(network, centre, step=1e-4)
+    np.testing.assert_allclose(beyond.slope(network, centre), fine, rtol=2e-2, atol=1e-4)
     moved = network((centre + np.array([[1e-3], [0.0]]))[None]) - network(centre[None])
     np.testing.assert_allclose(moved[0] / 1e-3, fine[:, 0], rtol=1e-2, atol=1e-5)
 

@@ -1,0 +1,1 @@
+"""Paper 2: the neural state estimator and its teacher."""
