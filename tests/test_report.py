@@ -1,6 +1,7 @@
 """Results of a notebook: rounding, verdicts, agreement, and files that do not change."""
 
 import csv
+import io
 import itertools
 import json
 import math
@@ -270,11 +271,33 @@ def test_pictures_do_not_name_the_program_that_drew_them(report, results):
         assert b"matplotlib" not in path.read_bytes().lower(), path.name
 
 
-def test_figure_is_the_saved_picture_with_200_dots_per_inch(report, results):
+def test_saved_picture_has_200_dots_per_inch_and_the_shown_one_half_as_many(report, results):
     picture = fill(report)
-    assert picture.data == (results / "figure_01.png").read_bytes()
-    height, width, _ = image.imread(results / "figure_01.png").shape
-    assert (width, height) == (1280, 800)  # 6.4 by 4 inches
+    sizes = [
+        image.imread(png).shape for png in (results / "figure_01.png", io.BytesIO(picture.data))
+    ]
+    assert sizes[0][:2] == (800, 1280)  # 6.4 by 4 inches
+    assert sizes[1][:2] == (400, 640)
+
+
+def test_few_colours_are_as_good_as_all(report, results):
+    # Thin lines in rare colours over a large shaded surface: the hard case.
+    fig, axis = plt.subplots()
+    field = np.sin(np.linspace(0, 3, 90))[:, None] * np.cos(np.linspace(0, 5, 90))
+    axis.imshow(field, cmap="viridis", aspect="auto")
+    for k in range(8):
+        axis.plot([0, 89], [5 + 10 * k, 9 + 8 * k], color=f"C{k}", linewidth=1.5)
+    whole = io.BytesIO()
+    fig.savefig(whole, format="png", dpi=200)
+    report.figure("B1", fig, "Lines over a map.")
+    saved, full = (
+        image.imread(png)[..., :3]
+        for png in (results / "figure_B1.png", io.BytesIO(whole.getvalue()))
+    )
+    off = np.abs(saved - full).max(axis=2)
+    assert off.max() < 40 / 255
+    assert np.mean(off) < 3 / 255
+    assert (results / "figure_B1.png").stat().st_size < 0.7 * size
 
 
 def test_a_busy_machine_is_no_error(report, monkeypatch):

@@ -16,6 +16,7 @@ from pathlib import Path
 import attrs
 import matplotlib
 import numpy as np
+import PIL.Image
 from IPython.display import Image
 from matplotlib import pyplot as plt
 
@@ -171,6 +172,21 @@ def agrees(printed: float, ours: Estimate, paper_runs_se: float | None = None) -
     return abs(math.log(ours.value / printed)) <= 2.0 * se
 
 
+# ---------------------------------------------------------------- pictures
+
+SHOWN_DPI = 100  # of the picture in the notebook; the saved one has twice as many
+
+
+def _palette_png(picture, dpi) -> bytes:
+    # A third of the bytes of full colour. This method keeps rare colours, such as those of
+    # thin lines: no pixel is off by more than a few of 255 levels.
+    method, dither = PIL.Image.Quantize.MAXCOVERAGE, PIL.Image.Dither.NONE
+    text = io.BytesIO()
+    few = picture.quantize(256, method=method, dither=dither)
+    few.save(text, "PNG", optimize=True, dpi=(dpi, dpi))
+    return text.getvalue()
+
+
 # ---------------------------------------------------------------- the report
 
 
@@ -224,21 +240,26 @@ class Report:
         return path
 
     def figure(self, number: int | str, fig, caption: str) -> Image:
-        """Save `fig` as PNG and PDF, close it and return the saved picture.
+        """Save `fig` as PNG and PDF, close it and return a smaller picture of it.
 
-        A `number` that is a short name, such as ``"B1"``, goes beyond the paper.
+        A `number` that is a short name, such as ``"B1"``, goes beyond the paper. The
+        notebook holds the smaller picture: hosting services show no large notebooks.
         """
-        png = self._new("figure", number, ".png")
+        png, drawn = self._new("figure", number, ".png"), io.BytesIO()
         dates = dict.fromkeys(("Creator", "Producer", "CreationDate"))
         with warnings.catch_warnings():
             # Says only that a busy machine took over a second to place a legend.
             warnings.filterwarnings("ignore", "Creating legend with loc")
-            fig.savefig(png, dpi=200, metadata={"Software": None})
+            fig.savefig(drawn, format="png", dpi=2 * SHOWN_DPI)
             fig.savefig(png.with_suffix(".pdf"), metadata=dates)
         width = round(96 * fig.get_figwidth())
         plt.close(fig)
+        with PIL.Image.open(drawn) as picture:
+            whole = picture.convert("RGB")
+        png.write_bytes(_palette_png(whole, 2 * SHOWN_DPI))
         print(f"Figure {number}. {caption}")
-        return Image(png.read_bytes(), format="png", width=width, alt=caption)
+        small = _palette_png(whole.reduce(2), SHOWN_DPI)
+        return Image(small, format="png", width=width, alt=caption)
 
     def table(self, number: int | str, columns: list[str], rows: list, caption: str) -> None:
         """Save a table as CSV and print it, numbers rounded by `significant`."""
