@@ -105,10 +105,27 @@ def test_coverage_test_sees_wrong_intervals():
     assert unpaired < 0.03  # ignoring the common noise makes the interval too wide
 
 
-@pytest.mark.parametrize("bad", [[1.0], [], [[1.0, 2.0]], [1.0, math.nan], [1.0, math.inf]])
+@pytest.mark.parametrize("bad", [[1.0], [], [[1.0, 2.0]]])
 def test_from_influence_refuses_runs_without_an_interval(bad):
-    with pytest.raises(ValueError, match="finite number for each of at least 2 runs"):
+    with pytest.raises(ValueError, match="one number for each of at least 2 runs"):
         from_influence(0.0, np.asarray(bad))
+
+
+@pytest.mark.parametrize("lost", [math.nan, math.inf, -math.inf])
+def test_one_run_that_diverges_is_told_and_never_averaged_away(lost):
+    squares = np.array([1.0, 2.0, lost, 4.0])
+    for found in (
+        from_influence(0.0, squares),
+        root_mean_square(squares),
+        mean(squares),
+        estimates.ratio(squares, np.ones(4)),
+        estimates.log_ratio(np.ones(4), squares),
+        (100 * (rms(np.ones(4)) - rms(squares)) / rms(np.arange(4.0))).estimate(),
+        rms(np.stack([squares, np.ones(4)], axis=1)).sum().estimate(),
+    ):
+        assert found.diverged
+        assert found.low == found.high == found.se == math.inf
+    assert not rms(np.stack([squares, np.ones(4)], axis=1))[1].estimate().diverged
 
 
 def test_estimate_refuses_a_value_outside_its_interval():

@@ -28,6 +28,13 @@ def test_a_band_has_the_values_and_the_ends_of_the_intervals():
     assert corners[:, 1].max() == 7
 
 
+def test_a_filter_that_diverged_leaves_a_gap():
+    _, axes = plt.subplots()
+    lost = Estimate(np.inf, np.inf, np.inf, np.inf, 10)
+    plots.band(axes, [0, 1, 2], [*estimates([3]), lost, *estimates([5])], "name")
+    np.testing.assert_array_equal(axes.lines[0].get_ydata(), [3, np.nan, 5])
+
+
 def test_curves_draw_numbers_and_estimates_side_by_side():
     series = {"exact": [1.0, 2.0], "sampled": estimates([3, 4])}
     styles = {"exact": plots.look("truth")}

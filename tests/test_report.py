@@ -299,6 +299,20 @@ def test_few_colours_keep_those_of_thin_lines(report, results):
     assert path.stat().st_size < 0.5 * whole.tell()
 
 
+def test_a_filter_that_diverged_is_shown_as_such_and_holds_no_claim(report, results, capsys):
+    lost = root_mean_square(np.array([1.0, math.inf]))
+    for region in ({"low": 0.0}, {"high": 1.0}, {}):
+        assert Condition("lost", lost, **region).outcome == "fails"
+    assert not agrees(1.0, lost)
+    report.claim("9.1", "it converges", [Condition("lost", lost, high=1.0)], "Monte Carlo")
+    assert "9.1 not reproduced: it converges (diverges)" in capsys.readouterr().out
+    report.parameters([])
+    report.finish(["9.1"])
+    claim = json.loads((results / "claims.json").read_text())["9.1"]
+    assert claim["value"] is None
+    assert "lost: diverges, claimed at most 1.00, fails" in claim["basis"]
+
+
 def test_a_busy_machine_is_no_error(report, monkeypatch):
     # Matplotlib warns if placing a legend takes over a second by this clock.
     ticks = itertools.count(step=10)

@@ -12,6 +12,11 @@ class ParameterError(ValueError):
 
     def __init__(self, name, value, allowed):
         super().__init__(f"{name} = {_short(value)}: {allowed}")
+        self.name, self.value, self.allowed = name, value, allowed
+
+    def __reduce__(self):
+        # As it was raised, also when it comes from another process.
+        return type(self), (self.name, self.value, self.allowed)
 
 
 def integer(name, value, *, at_least, at_most=None):
@@ -120,6 +125,13 @@ def in_place(
     return value
 
 
+def read_only(*arrays: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return the arrays, locked: what is kept for later callers may not be written to."""
+    for locked in arrays:
+        locked.flags.writeable = False
+    return arrays
+
+
 def covariance(name: str, value, size: int, *, definite: bool = False) -> np.ndarray:
     """Return a checked covariance matrix (size, size), else raise `ParameterError`."""
     matrix = array(name, value, (size, size))
@@ -132,6 +144,27 @@ def covariance(name: str, value, size: int, *, definite: bool = False) -> np.nda
     if not usable or np.linalg.eigvalsh(unit).min() < (1e-14 if definite else -1e-12):
         raise ParameterError(name, matrix.tolist(), f"must be symmetric and {kind}")
     return matrix
+
+
+def markov_chain(transition, initial) -> tuple[tuple, tuple]:
+    """Return a Markov chain as tuples of floats: transition matrix and first probabilities.
+
+    Raises
+    ------
+    ParameterError
+        If the rows of the square `transition` are no distributions, or `initial` is not
+        one over the same states.
+    """
+    sizes = {}
+    T = array("transition", transition, ("models", "models"), sizes)
+    if (T < 0).any() or not np.allclose(T.sum(axis=1), 1, rtol=0, atol=1e-9):
+        allowed = "must be a square matrix of probabilities whose rows sum to one"
+        raise ParameterError("transition", transition, allowed)
+    mu = array("initial_probabilities", initial, ("models",), sizes)
+    if (mu < 0).any() or abs(mu.sum() - 1) > 1e-9:
+        allowed = f"must be {len(T)} probabilities that sum to one"
+        raise ParameterError("initial_probabilities", initial, allowed)
+    return tuple(map(tuple, T.tolist())), tuple(mu.tolist())
 
 
 def _demand_shape(name, found, wanted, sizes):

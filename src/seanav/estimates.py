@@ -16,6 +16,8 @@ LEVEL = 0.95
 class Estimate:
     """A number with its 95 % confidence interval.
 
+    A score of a filter that diverged is infinite, and so are the ends of its interval.
+
     Attributes
     ----------
     value, low, high : float
@@ -28,7 +30,7 @@ class Estimate:
     Raises
     ------
     ValueError
-        If a number is not finite or the interval does not contain the value.
+        If some numbers are not finite or the interval does not contain the value.
     """
 
     value: float
@@ -37,8 +39,15 @@ class Estimate:
     se: float
     count: int
 
+    @property
+    def diverged(self) -> bool:
+        """Whether there is no finite number."""
+        return self.value == math.inf
+
     def __post_init__(self):
         numbers = (self.value, self.low, self.high, self.se)
+        if numbers == (math.inf,) * 4:
+            return
         if not all(map(math.isfinite, numbers)) or not self.low <= self.value <= self.high:
             raise ValueError(f"not an estimate with its interval: {self}")
 
@@ -147,7 +156,7 @@ class Statistic:
         Raises
         ------
         ValueError
-            If there are fewer than two runs or a number is not finite.
+            If there are fewer than two runs.
         """
         return from_influence(self.value, self.influence)
 
@@ -159,6 +168,9 @@ class Statistic:
 def average(samples: np.ndarray) -> Statistic:
     """Return the mean over runs of `samples`, shape (runs, …)."""
     samples = np.asarray(samples, dtype=float)
+    if not np.isfinite(samples).all():
+        # One run that diverged leaves no mean; NaN says so in all that follows.
+        samples = np.where(np.isfinite(samples).all(axis=0), samples, np.nan)
     value = samples.mean(axis=0)
     return Statistic(value, samples - value)
 
@@ -180,6 +192,8 @@ def ratio(a: np.ndarray, b: np.ndarray) -> Estimate:
 
 def exponential(log: Estimate) -> Estimate:
     """Return the exponential of an estimate, its interval's ends with it."""
+    if log.diverged:
+        return log
     value, low, high = (math.exp(x) for x in (log.value, log.low, log.high))
     return Estimate(value, low, high, value * log.se, log.count)
 
@@ -193,16 +207,19 @@ def from_influence(value: float, influence: np.ndarray) -> Estimate:
         The estimate.
     influence : ndarray, shape (runs,)
         Contribution of each run to the error, in the unit of `value`; see `Statistic`.
+        Where one is not finite, a filter has diverged, and so has the estimate.
 
     Raises
     ------
     ValueError
-        If there are fewer than two runs or a number is not finite.
+        If there are fewer than two runs.
     """
     influence = np.asarray(influence, dtype=float)
-    if influence.ndim != 1 or influence.size < 2 or not np.isfinite(influence).all():
-        raise ValueError("need one finite number for each of at least 2 runs")
+    if influence.ndim != 1 or influence.size < 2:
+        raise ValueError("need one number for each of at least 2 runs")
     count = influence.size
+    if not (math.isfinite(value) and np.isfinite(influence).all()):
+        return Estimate(*(math.inf,) * 4, count)
     se = float(np.std(influence, ddof=1)) / math.sqrt(count)
     half = float(stats.t.ppf(0.5 + LEVEL / 2, count - 1)) * se
     value = float(value)

@@ -15,7 +15,7 @@ from seanav.checks import integer
 # ---------------------------------------------------------------- random numbers
 
 
-def streams(seed: int, purpose: str, count: int) -> list[np.random.Generator]:
+def streams(seed: int, purpose: str, count: int, *, first: int = 0) -> list[np.random.Generator]:
     """Return one independent random generator per run, for one purpose.
 
     Stream r depends on `seed`, `purpose` and r alone, so run r meets the same noise
@@ -29,17 +29,22 @@ def streams(seed: int, purpose: str, count: int) -> list[np.random.Generator]:
         What the numbers are for, such as ``"gyro noise"``.
     count : int
         Number of streams, one per run, at least 1.
+    first : int
+        The run that the first of them belongs to.
 
     Raises
     ------
     ParameterError
-        If `seed` or `count` is not such an integer.
+        If `seed`, `count` or `first` is not such an integer.
     """
     seed = integer("seed", seed, at_least=0)
     count = integer("runs", count, at_least=1)
-    # CRC-32 only turns the name into a number; independence is SeedSequence's work.
-    parent = np.random.SeedSequence(seed, spawn_key=(zlib.crc32(purpose.encode()),))
-    return [np.random.default_rng(child) for child in parent.spawn(count)]
+    first = integer("first", first, at_least=0)
+    # CRC-32 only turns the name into a number; independence is SeedSequence's work. The key
+    # is that of the run-th child that SeedSequence would spawn, without those before it.
+    name = zlib.crc32(purpose.encode())
+    keys = ((name, run) for run in range(first, first + count))
+    return [np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key)) for key in keys]
 
 
 def normals(seed: int, purpose: str, runs: int, shape: tuple[int, ...]) -> np.ndarray:

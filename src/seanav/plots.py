@@ -39,8 +39,9 @@ def look(kind: str, variant: int | None = None) -> dict:
 
 def band(axes: Axes, x, estimates: Sequence[Estimate], label: str | None = None, **style) -> None:
     """Draw estimates over `x` as a line with the band of their 95 % intervals."""
-    (line,) = axes.plot(x, [e.value for e in estimates], label=label, **style)
-    low, high = [e.low for e in estimates], [e.high for e in estimates]
+    ends = np.array([(e.value, e.low, e.high) for e in estimates])
+    value, low, high = np.where(np.isfinite(ends), ends, np.nan).T  # a gap where it diverged
+    (line,) = axes.plot(x, value, label=label, **style)
     axes.fill_between(x, low, high, color=line.get_color(), alpha=0.15, linewidth=0)
 
 

@@ -34,6 +34,8 @@ def significant(x: float | Estimate, digits: int = 3) -> str:
     Integers are printed in full. The one helper for every printed number: what it
     prints is the same on every machine.
     """
+    if isinstance(x, Estimate) and x.diverged:
+        return "diverges"
     if isinstance(x, Estimate):
         value, low, high = (significant(float(y), digits) for y in (x.value, x.low, x.high))
         return value if x.low == x.high else f"{value} [{low}, {high}]"
@@ -124,7 +126,12 @@ class Condition:
 
     @property
     def outcome(self) -> str:
-        """``holds``, ``fails`` or ``straddles``: where the whole interval lies."""
+        """``holds``, ``fails`` or ``straddles``: where the whole interval lies.
+
+        A number of a filter that diverged supports nothing: it fails.
+        """
+        if self.estimate.diverged:
+            return "fails"
         if self.low <= self.estimate.low and self.estimate.high <= self.high:
             return "holds"
         if self.estimate.high < self.low or self.high < self.estimate.low:
@@ -165,7 +172,7 @@ def agrees(printed: float, ours: Estimate, paper_runs_se: float | None = None) -
     """
     if printed == ours.value:
         return True
-    if printed * ours.value <= 0:
+    if ours.diverged or printed * ours.value <= 0:
         return False
     paper_se = ours.se if paper_runs_se is None else paper_runs_se
     se = math.hypot(ours.se, paper_se) / abs(ours.value)
@@ -322,7 +329,7 @@ class Report:
         self._claims[number] = {
             "claim": text,
             "verdict": verdict(conditions),
-            "value": first and first.value,
+            "value": None if first is None or first.diverged else first.value,
             "interval": [first.low, first.high] if sampled else None,
             "basis": ". ".join([basis.rstrip(". "), *map(str, conditions)]) + ".",
         } | ({"quick": True} if self._quick else {})

@@ -21,6 +21,7 @@ Source: Cha, Hwang and Park, *The Journal of Navigation*, 2022, equations (6)-(2
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -490,6 +491,103 @@ def _mission(
                     sums[6, r] += series[at, N, r]
 
 
+class MeanSquares(NamedTuple):
+    """Squared errors, mean over the steps of a run: each of shape (runs,).
+
+    Attributes
+    ----------
+    north, east : ndarray
+        Position, m².
+    velocity : ndarray
+        Horizontal, (m/s)².
+    levelling : ndarray
+        phi_N² + phi_E², rad².
+    heading : ndarray
+        rad².
+    """
+
+    north: np.ndarray
+    east: np.ndarray
+    velocity: np.ndarray
+    levelling: np.ndarray
+    heading: np.ndarray
+
+
+class Series(NamedTuple):
+    """What a mission was at its recorded steps; the first record is after `stride` steps.
+
+    Attributes
+    ----------
+    errors : ndarray (records, 16, runs)
+        Estimate minus truth, rows as in `seanav.filters.ins.layout`, position in metres
+        north and east. Biases and current are the estimates themselves for pure inertial
+        navigation.
+    nees : ndarray (records, runs)
+        Of all 16 states; zero for pure inertial navigation.
+    mode_probability : ndarray (records, models, runs)
+    """
+
+    errors: np.ndarray
+    nees: np.ndarray
+    mode_probability: np.ndarray
+
+    @property
+    def north(self) -> np.ndarray:
+        """Position error to the north, (records, runs), m."""
+        return self.errors[:, 0]
+
+    @property
+    def east(self) -> np.ndarray:
+        """Position error to the east, (records, runs), m."""
+        return self.errors[:, 1]
+
+
+class Flight(NamedTuple):
+    """Missions of one filter, runs last.
+
+    Attributes
+    ----------
+    mean_squares : MeanSquares
+    nis, beta : ndarray (runs,)
+        Normalised squared residual and fading factor, weighted by the modes, mean over time.
+    squared_nis : ndarray (runs,)
+        Mean over time of the squared NIS of the first model.
+    nees : ndarray (runs,)
+        Mean over the recorded steps; zero without records.
+    mode_probability : ndarray (models, runs)
+        Mean over time.
+    series : Series
+    P : ndarray (models, 136, runs)
+        Packed covariances at the end, see `seanav.filters.ins.unpack`.
+    """
+
+    mean_squares: MeanSquares
+    nis: np.ndarray
+    beta: np.ndarray
+    squared_nis: np.ndarray
+    nees: np.ndarray
+    mode_probability: np.ndarray
+    series: Series
+    P: np.ndarray
+
+    def runs(self, count: int) -> "Flight":
+        """Return the first `count` runs."""
+        return each_array(lambda array: array[..., :count], self)
+
+    @classmethod
+    def join(cls, flights: "list[Flight]") -> "Flight":
+        """Return the runs of all flights as one."""
+        return each_array(lambda *arrays: np.concatenate(arrays, axis=-1), *flights)
+
+
+def each_array(function, *trees):
+    """Apply `function` to the corresponding arrays of equally nested named tuples."""
+    if not isinstance(trees[0], tuple):
+        return function(*trees)
+    parts = zip(*trees, strict=True)
+    return type(trees[0])(*(each_array(function, *part) for part in parts))
+
+
 def pack_diagonal(variances):
     """Return a packed diagonal covariance of the 16 states, (136, LANES)."""
     P = np.zeros((PACKED, LANES))
@@ -600,4 +698,6 @@ def fly(
     sums /= steps
     if records:
         sums[6] *= steps / records
-    return sums, series[:records], P
+    series = Series(series[:records, :N], series[:records, N], series[:records, N + 1 :])
+    nis, nees, beta, squared_nis = sums[5:9]
+    return Flight(MeanSquares(*sums[:5]), nis, beta, squared_nis, nees, sums[9:], series, P)

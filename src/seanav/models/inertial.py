@@ -102,9 +102,9 @@ class SensorErrors:
     A bias is constant over a run and drawn with this standard deviation per axis.
     """
 
-    accelerometer_bias: float = 0.05e-3 * 9.80665  # m/s²
+    accelerometer_bias: float = 0.05e-3 * earth.G0  # m/s²
     gyro_bias: float = math.radians(0.02) / 3600  # rad/s
-    accelerometer_noise: float = 0.01e-3 * 9.80665  # m/s²/√Hz
+    accelerometer_noise: float = 0.01e-3 * earth.G0  # m/s²/√Hz
     gyro_noise: float = math.radians(0.005) / 60  # rad/√s
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from seanav.checks import ParameterError, choice, integer, number
+from seanav.checks import ParameterError, choice, integer, number, read_only
 from seanav.models import earth
 
 SHAPES = ("square", "circle", "straight", "polygon", "laps")
@@ -55,7 +55,9 @@ class Trajectory:
     sides: int = 4
     laps: int = 1
     clockwise: bool = False
-    _cache: dict = field(default_factory=dict, repr=False, compare=False)
+    # What was computed from the fields above. No field of __init__: a copy with another
+    # heading, by `dataclasses.replace`, starts with an empty one.
+    _cache: dict = field(init=False, default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self):
         choice("trajectory", self.shape, SHAPES)
@@ -70,10 +72,11 @@ class Trajectory:
         integer("sides", self.sides, at_least=3)
         integer("laps", self.laps, at_least=1)
         if self.shape not in ("circle", "straight"):
-            # A corner takes r tan(turn / 2) off each end of a leg.
-            largest = self._leg / (2 * math.tan(math.pi / self._sides)) * (1 - 1e-9)
+            # Larger corners leave no straight piece between them: a circle.
+            lap = self.speed * self.duration / self._laps
+            largest = lap / (2 * math.pi) * (1 - 1e-9)
             if not self.corner_radius <= largest:
-                allowed = f"must be at most {largest:.0f} m on legs of {self._leg:.0f} m"
+                allowed = f"must be at most {math.floor(largest)} m on a lap of {lap:.0f} m"
                 raise ParameterError("corner_radius", self.corner_radius, allowed)
 
     @property
@@ -116,14 +119,15 @@ class Trajectory:
     def states(self):
         """Return truth at whole seconds: latitude, longitude (rad), v_n (m/s), heading (rad).
 
-        Shapes (steps + 1,), (steps + 1,), (steps + 1, 3), (steps + 1,).
+        Shapes (steps + 1,), (steps + 1,), (steps + 1, 3), (steps + 1,); read-only.
         """
         if "states" not in self._cache:
             latitude, longitude = self._position(100)
             heading = self.course(np.arange(int(self.duration) + 1.0))[0]
             v_n = np.zeros((len(heading), 3))
             v_n[:, 0], v_n[:, 1] = self.speed * np.cos(heading), self.speed * np.sin(heading)
-            self._cache["states"] = latitude[::200], longitude[::200], v_n, heading
+            read_only(latitude, longitude)
+            self._cache["states"] = read_only(latitude[::200], longitude[::200], v_n, heading)
         return self._cache["states"]
 
     def C_bn(self):
@@ -153,7 +157,7 @@ class Trajectory:
     def increments(self, rate=100):
         """Return errorless integrals of angular rate (rad) and specific force (m/s) in b.
 
-        Shape (duration * rate, 3) each; Simpson's rule on each fast interval.
+        Shape (duration * rate, 3) each, read-only; Simpson's rule on each fast interval.
         """
         if rate not in self._cache:
             latitude, _ = self._position(rate)
@@ -171,7 +175,7 @@ class Trajectory:
                 w_b, f_b = _felt(*inside, middle, self.speed)
                 rotation += weight * w_b
                 velocity += weight * f_b
-            self._cache[rate] = rotation, velocity
+            self._cache[rate] = read_only(rotation, velocity)
         return self._cache[rate]
 
 

@@ -2,28 +2,25 @@
 
 import numpy as np
 from matplotlib import pyplot as plt
-from matplotlib.ticker import NullFormatter
 
-from seanav.estimates import Estimate
+from seanav import plots
 from seanav.models import earth
-from seanav.studies import imm_scores
+from seanav.studies.imm_sea_current import scores
 
 KM = 1e3
 SIGMA = r"$\sigma_T$ (m/s)"
-STYLES = {
-    "pure navigation": {"color": "k", "ls": ":"},
-    "optimal EKF": {"color": "k", "ls": "-", "marker": "o"},
-    "0.1": {"color": "C1", "ls": "--", "marker": "^"},
-    "0.5": {"color": "C2", "ls": "-.", "marker": "s"},
-    "1": {"color": "C3", "ls": ":", "marker": "D"},
-    "0.1,0.5": {"color": "C1", "ls": "--", "marker": "v"},
-    "0.1,1": {"color": "C2", "ls": "-.", "marker": "P"},
-}
 
 
-def _style(name):
-    key = name if name in STYLES else name.split()[-1]
-    return {"markersize": 4, **STYLES.get(key, {})}
+def style(name):
+    """Return the line style of a filter, the same in every figure."""
+    if name == "pure navigation":
+        return plots.look("open loop")
+    if name == "optimal EKF":
+        return plots.look("optimal", 0)
+    kinds = {"EKF": "Kalman", "AFEKF": "adaptive", "IMM-EKF": "hybrid"}
+    kind, sigma = name.split()[:2]
+    marker = {"0.1": 1, "0.5": 2, "1": 3, "0.1,0.5": 1, "0.1,1": 2, "0.1,0.5,1": 3}.get(sigma, 4)
+    return plots.look(kinds.get(kind, "interacting models"), marker)
 
 
 def _axes(columns=2, height=3.4, rows=1):
@@ -83,14 +80,14 @@ def tcep_and_rate(grid, results, names, linear=None):
     fig, (left, right) = _axes()
     pure, best = results["pure navigation"], results["optimal EKF"]
     for name in ["pure navigation", "optimal EKF", *names]:
-        style = _style(name)
-        estimates = [imm_scores.tcep(m) for m in results[name]]
-        _band(left, grid, estimates, name, style)
+        look = style(name)
+        estimates = [scores.tcep(m) for m in results[name]]
+        plots.band(left, grid, estimates, name, **look)
         if linear and name in linear:
             left.plot(grid, linear[name], "--", color="0.4", lw=0.8)
         if name in names:
-            rates = [imm_scores.rate(*one) for one in zip(results[name], pure, best, strict=True)]
-            _band(right, grid, rates, name, style)
+            rates = [scores.rate(*one) for one in zip(results[name], pure, best, strict=True)]
+            plots.band(right, grid, rates, name, **look)
     left.set(xlabel=SIGMA, ylabel="TCEP (m)", ylim=(0, None), title="(a)")
     right.axhline(100, color="k", lw=0.8)
     right.axhline(90, color="0.6", lw=0.8, ls=":")
@@ -99,20 +96,13 @@ def tcep_and_rate(grid, results, names, linear=None):
     return fig
 
 
-def _band(axis, x, estimates, name, style):
-    axis.plot(x, [e.value for e in estimates], label=name, **style)
-    low, high = [e.low for e in estimates], [e.high for e in estimates]
-    axis.fill_between(x, low, high, color=style.get("color"), alpha=0.15, lw=0)
-
-
 def modes(grid, results, names):
     """Draw the mean mode probabilities of both sub-filters (figure 6)."""
     fig, axes = _axes()
     for model, axis in enumerate(axes):
         for name in names:
-            _band(
-                axis, grid, [imm_scores.mode(m, model) for m in results[name]], name, _style(name)
-            )
+            modes_ = [scores.mode(m, model) for m in results[name]]
+            plots.band(axis, grid, modes_, name, **style(name))
         axis.set(xlabel=SIGMA, ylabel=f"probability of sub-filter {model + 1}")
         axis.set(ylim=(0, 1), title="(a)" if model == 0 else "(b)")
         axis.legend(fontsize=7)
@@ -127,33 +117,12 @@ def rates(grid, results, panels):
     pure, best = results["pure navigation"], results["optimal EKF"]
     for axis, (title, names) in zip(axes[0], panels.items(), strict=True):
         for k, name in enumerate(names):
-            one = [imm_scores.rate(*three) for three in zip(results[name], pure, best, strict=True)]
+            one = [scores.rate(*three) for three in zip(results[name], pure, best, strict=True)]
             style = {"color": f"C{k}", "marker": "osD^vPX*"[k % 8], "markersize": 4}
-            _band(axis, grid, one, name, style)
+            plots.band(axis, grid, one, name, **style)
         axis.axhline(90, color="0.6", lw=0.8, ls=":")
         axis.set(xlabel=SIGMA, ylabel="TCEP rate (%)", title=title)
         axis.legend(fontsize=7)
-    return fig
-
-
-def lines(x, curves, xlabel, ylabel, *, logx=False, logy=False, vertical=None, marker=None):
-    """Draw named curves in one panel; a curve of estimates gets its 95 % band."""
-    fig, axis = plt.subplots(figsize=(5.4, 3.6))
-    for k, (name, y) in enumerate(curves.items()):
-        style = {"color": f"C{k}", "marker": marker, "markersize": 4}
-        if isinstance(y[0], Estimate):
-            _band(axis, x, y, name, style)
-        else:
-            axis.plot(x, y, label=name, **style)
-    if vertical is not None:
-        axis.axvline(vertical, color="0.6", ls=":")
-    axis.set(xlabel=xlabel, ylabel=ylabel)
-    for log, which in ((logx, axis.xaxis), (logy, axis.yaxis)):
-        if log:
-            which.axes.set(**{f"{which.axis_name}scale": "log"})
-            which.set_major_formatter("{x:g}")
-            which.set_minor_formatter(NullFormatter())
-    axis.legend(fontsize=7)
     return fig
 
 

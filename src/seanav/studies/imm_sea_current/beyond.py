@@ -1,17 +1,21 @@
 """Paper 4, beyond the paper: chains, starts, three models, a changing sea, assumptions."""
 
-import dataclasses
 from dataclasses import replace
 
+import attrs
 import numpy as np
 
 from seanav import montecarlo
 from seanav.filters import fading
-from seanav.studies import imm_linear, imm_scores
-from seanav.studies import imm_sea_current as study
+from seanav.studies.imm_sea_current import linear, printed, run
 
 GRID = (0.05, 0.1, 0.3, 0.6, 1.0)
 STAY = (0.8, 0.9, 0.95, 0.98)
+
+
+def grid(scenario):
+    """Return the true sigmas of these studies: some of the scenario's own, m/s."""
+    return tuple(s for s in GRID if s in scenario.sigma_true) or scenario.sigma_true
 
 
 def chain(p, models=2):
@@ -41,37 +45,33 @@ def chains(scenario, swept):
             if same == (scenario.transition, scenario.initial_probabilities):
                 known[one.name] = swept[pair.name]
             filters.append(one)
-    found = study.sweep(scenario, filters, GRID, known=known, label="transition matrix")
+    found = run.sweep(scenario, filters, grid(scenario), known=known, label="transition matrix")
     return _only(found, filters)
 
 
 def stationary(scenario):
     """Fly the IMMs of the paper with the current starting from its stationary law."""
-    scenario = replace(scenario, initial_current="stationary")
-    return study.sweep(scenario, imms(scenario), GRID, label="initial current")
+    scenario = attrs.evolve(scenario, initial_current="stationary")
+    return run.sweep(scenario, imms(scenario), grid(scenario), label="initial current")
 
 
 def three(scenario, swept):
     """Fly IMMs of all models, with fading and without, beside those of two."""
-    both = (study.AFEKF(scenario, *scenario.sigma_filter), study.EKF(*scenario.sigma_filter))
+    both = (run.AFEKF(scenario, *scenario.sigma_filter), run.EKF(*scenario.sigma_filter))
     p = scenario.transition[0][0]
     filters = [replace(with_chain(f, p), name=f.name) for f in both]
-    first, *others = scenario.sigma_filter
-    pairs = [
-        make for s in others for make in (study.AFEKF(scenario, first, s), study.EKF(first, s))
-    ]
-    found = study.sweep(scenario, filters, GRID, known=swept, label="three models")
+    pairs = [f for f in run.paper_filters(scenario) if len(f.sigma) == 2]
+    found = run.sweep(scenario, filters, grid(scenario), known=swept, label="three models")
     return _only(found, [*filters, *pairs])
 
 
 def imms(scenario):
     """Return the IMMs of the paper."""
-    first, *others = scenario.sigma_filter
-    return [study.AFEKF(scenario, first, s) for s in others]
+    return [run.AFEKF(scenario, *pair) for pair in run.pairs(scenario)]
 
 
 def _only(found, filters):
-    names = [study.PURE.name, "optimal EKF", *(f.name for f in filters)]
+    names = [run.PURE.name, "optimal EKF", *(f.name for f in filters)]
     return {name: found[name] for name in names}
 
 
@@ -80,21 +80,21 @@ def changing(scenario, low=0.1, high=0.8, stride=60):
 
     Returns
     -------
-    dict of name to Mission with series
+    dict of name to Flight with series
     """
     steps = int(scenario.duration_s)
     sigma = np.where(np.arange(steps) < steps // 2, low, high)
-    filters = [study.EKF(0.1), study.AFEKF(scenario, 0.1), study.EKF(0.5)]
-    filters += [study.AFEKF(scenario, 0.1, 0.5), study.EKF(0.1, 0.5)]
-    missions = study.fly_all(scenario, [(f, sigma) for f in filters], stride=stride)
+    filters = [run.EKF(0.1), run.AFEKF(scenario, 0.1), run.EKF(0.5)]
+    filters += [run.AFEKF(scenario, 0.1, 0.5), run.EKF(0.1, 0.5)]
+    missions = run.fly_all(scenario, [(f, sigma) for f in filters], stride=stride)
     return {f.name: mission for f, mission in zip(filters, missions, strict=True)}
 
 
-def forms(scenario, sigma_filter=0.1, sigmas=(0.05, 1.0)):
-    """Fly one adaptive filter in every fading form; {form: [Mission per true sigma]}."""
-    made = {form: study.Filter(form, (sigma_filter,), form) for form in fading.FORMS}
+def forms(scenario, sigma_filter, sigmas):
+    """Fly one adaptive filter in every fading form; {form: [Flight per true sigma]}."""
+    made = {form: run.Filter(form, (sigma_filter,), form) for form in fading.FORMS}
     jobs = [(one, sigma) for one in made.values() for sigma in sigmas]
-    missions = iter(study.fly_all(scenario, jobs, label="fading forms"))
+    missions = iter(run.fly_all(scenario, jobs, label="fading forms"))
     return {form: [next(missions) for _ in sigmas] for form in made}
 
 
@@ -104,11 +104,11 @@ def linearised(scenario, about):
     Returns
     -------
     dict
-        {(sigma_true, sigma_filter): Mission}
+        {(sigma_true, sigma_filter): Flight}
     """
-    cases = [(sigma, one) for sigma in imm_scores.PRINTED_SIGMA.values() for one in (0.1, 0.5)]
-    jobs = [(replace(study.EKF(one), about=about), sigma) for sigma, one in cases]
-    missions = study.fly_all(scenario, jobs, label=f"H at the {about}")
+    cases = [(sigma, one) for sigma in printed.SIGMA.values() for one in (0.1, 0.5)]
+    jobs = [(replace(run.EKF(one), about=about), sigma) for sigma, one in cases]
+    missions = run.fly_all(scenario, jobs, label=f"H at the {about}")
     return dict(zip(cases, missions, strict=True))
 
 
@@ -135,7 +135,7 @@ def assumptions(scenario):
 
     def one(variant):
         name, change = variant
-        return name, table_distance(dataclasses.replace(scenario, **change))
+        return name, table_distance(attrs.evolve(scenario, **change))
 
     return montecarlo.parallel_map(one, variants, label="assumptions")
 
@@ -143,8 +143,8 @@ def assumptions(scenario):
 def table_distance(scenario):
     """Return the RMS of ln(ours / printed) of the 16 EKF cells by linear covariance."""
     logs = []
-    for table, sigma in imm_scores.PRINTED_SIGMA.items():
+    for table, sigma in printed.SIGMA.items():
         for one in (0.1, 0.5):
-            ours = imm_linear.scores(scenario, one, sigma)[:4]
-            logs.append(np.log(ours / imm_scores.PRINTED[table][f"EKF {one:g}"]))
+            ours = linear.scores(scenario, one, sigma)[:4]
+            logs.append(np.log(ours / printed.CELLS[table][f"EKF {one:g}"]))
     return float(np.sqrt(np.mean(np.square(logs))))

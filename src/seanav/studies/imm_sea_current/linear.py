@@ -10,9 +10,10 @@ from functools import lru_cache
 import numpy as np
 
 from seanav import montecarlo
+from seanav.checks import read_only
 from seanav.filters import linear_covariance
 from seanav.models import currents, earth, inertial
-from seanav.studies.imm_scores import TCEP
+from seanav.studies.imm_sea_current.scores import TCEP
 
 
 @lru_cache(maxsize=4)
@@ -29,7 +30,8 @@ def _inertial_transitions(path):
         position = (0.5 * (latitude[k] + latitude[k + 1]), 0.0, 0.0)
         v = path.speed * C_bn[:, 0]
         F[k] = inertial.error_dynamics(position, v, C_bn, C_bn @ felt[k], 1.0)[:15, :15]
-    return np.eye(15) + F + 0.5 * F @ F
+    (transitions,) = read_only(np.eye(15) + F + 0.5 * F @ F)
+    return transitions
 
 
 @lru_cache(maxsize=4)
@@ -44,7 +46,7 @@ def model(path, correlation_time):
     H[:, 3:5] = ahead[:, :2]
     H[:, 6:9] = -np.cross(ahead, v_n[1:])
     H[:, 15:18] = -ahead
-    return Phi, H
+    return read_only(Phi, H)
 
 
 def process_noise(scenario, variance):
@@ -72,7 +74,8 @@ def true_start(scenario, sigma):
 @lru_cache(maxsize=16)
 def gains(scenario, sigma_filter, correlation_time=None):
     """Return the gains (steps, 18) of one EKF."""
-    return design(scenario, sigma_filter, correlation_time)[0]
+    (K,) = read_only(design(scenario, sigma_filter, correlation_time)[0])
+    return K
 
 
 def design(scenario, sigma_filter, correlation_time=None):
@@ -93,7 +96,7 @@ def mean_squares(scenario, sigma_filter):
     `sigma_filter` None is pure navigation.
     """
     Phi, H = model(scenario.path(), scenario.correlation_time_s)
-    K = np.zeros_like(H) if sigma_filter is None else gains(scenario, sigma_filter)
+    K = gains(scenario, sigma_filter) if sigma_filter else read_only(np.zeros_like(H))[0]
     q = currents.decay(1.0, scenario.correlation_time_s)[1]
     R = scenario.log_noise**2
 
@@ -104,7 +107,7 @@ def mean_squares(scenario, sigma_filter):
         return np.einsum("kii->ki", M)
 
     A = moments(0.0)
-    return A, moments(1.0) - A
+    return read_only(A, moments(1.0) - A)
 
 
 def metres(scenario):
@@ -115,8 +118,9 @@ def metres(scenario):
 @lru_cache(maxsize=4)
 def _metres(path):
     latitude = path.states()[0]
-    R_n, R_t = np.vectorize(earth.radii)(latitude)
-    return np.stack([R_n, R_t * np.cos(latitude)], axis=1)
+    R_n, R_t = earth.radii(latitude)
+    (scale,) = read_only(np.stack([R_n, R_t * np.cos(latitude)], axis=1))
+    return scale
 
 
 def scores(scenario, sigma_filter, sigma_true):

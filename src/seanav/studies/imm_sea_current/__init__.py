@@ -1,0 +1,1 @@
+"""Paper 4: sea-current-relative navigation with an IMM of adaptive fading EKFs."""

@@ -1,0 +1,595 @@
+"""Paper 4: whole missions against exact covariances, limits that are known, bad input."""
+
+import dataclasses
+import math
+
+import attrs
+import cloudpickle
+import numpy as np
+import pytest
+from scipy import stats
+
+from seanav import montecarlo
+from seanav.checks import ParameterError
+from seanav.filters import ins
+from seanav.filters.ins import each_array
+from seanav.models import currents, earth, inertial
+from seanav.studies.imm_sea_current import appendix, beyond, linear, printed, run, scores
+from seanav.studies.imm_sea_current.scenario import Scenario
+
+SHORT = Scenario(runs=16, duration_s=1200.0, seed=11)
+SIGMA = 0.3
+
+
+def _same(one, other):
+    """Whether two flights agree in every bit but the covariances at the end."""
+    pairs = zip(flat(one._replace(P=None)), flat(other._replace(P=None)), strict=True)
+    return all(np.array_equal(a, b) for a, b in pairs)
+
+
+def flat(tree):
+    return [x for part in tree for x in flat(part)] if isinstance(tree, tuple) else [tree]
+
+
+@pytest.fixture(scope="module")
+def sensors():
+    return run.sense(SHORT, 0)
+
+
+def _fly(sensors, filter_, scenario=SHORT, sigma=SIGMA, stride=60):
+    return run.fly(scenario, sensors, filter_, sigma, stride=stride)
+
+
+def test_factor_of_one_is_the_plain_filter_bit_for_bit(sensors):
+    capped = attrs.evolve(SHORT, fading_cap=1.0)
+    for form in ("literal", "literal-gain", "block", "variance", "sigma"):
+        faded = _fly(sensors, run.Filter("f", (0.1,), form), capped)
+        plain = _fly(sensors, run.EKF(0.1))
+        assert _same(faded, plain)
+    assert not _same(_fly(sensors, run.AFEKF(SHORT, 0.1)), _fly(sensors, run.EKF(0.1)))
+
+
+def test_imm_that_never_switches_is_its_first_filter(sensors):
+    chain = ((1.0, 0.0), (0.0, 1.0))
+    for form in ("none", "sigma"):
+        pair = run.Filter("pair", (0.1, 0.5), form, chain, (1.0, 0.0))
+        single = _fly(sensors, run.Filter("one", (0.1,), form))
+        both = _fly(sensors, pair)
+        assert both.series.errors == pytest.approx(single.series.errors, rel=1e-6, abs=1e-12)
+        assert (both.series.mode_probability[:, 0] == 1.0).all()
+
+
+def test_imm_of_identical_filters_is_that_filter(sensors):
+    for count in (2, 3):
+        T = np.full((count, count), 0.1 / (count - 1))
+        np.fill_diagonal(T, 0.9)
+        same = run.Filter("same", (0.2,) * count, "sigma", T, (1 / count,) * count)
+        many, one = _fly(sensors, same), _fly(sensors, run.Filter("one", (0.2,), "sigma"))
+        assert many.series.errors == pytest.approx(one.series.errors, rel=1e-6, abs=1e-12)
+        assert many.series.nees == pytest.approx(one.series.nees, rel=1e-6, abs=1e-12)
+        assert many.series.mode_probability == pytest.approx(1 / count)
+
+
+def test_imm_is_better_than_its_worse_half_and_listens_to_the_better_one(sensors):
+    calm = _fly(sensors, run.EKF(0.1, 1.0), sigma=0.05)
+    rough = _fly(sensors, run.EKF(0.1, 1.0), sigma=1.0)
+    assert calm.mode_probability[0].mean() > 0.6 > rough.mode_probability[0].mean()
+    assert calm.mode_probability.sum(axis=0) == pytest.approx(1.0)
+
+
+def test_literal_fading_diverges_and_the_default_does_not(sensors):
+    exact = Scenario(runs=16, duration_s=1200.0, seed=11, fading_cap=1e6)
+    good = _fly(sensors, run.AFEKF(SHORT, SIGMA))
+    bad = _fly(sensors, run.Filter("literal", (SIGMA,), "literal"), exact)
+    position = [scores.position_rms(m) for m in (good, bad)]
+    assert not position[1] < 10 * position[0]
+
+
+def test_matched_filter_carries_the_linear_covariance():
+    scenario = Scenario(runs=2, duration_s=1200.0, initial_current="stationary")
+    _, covariances = linear.design(scenario, SIGMA)
+    sensors = run.sense(scenario, 0)
+    z_free = run.fly(scenario, sensors, run.EKF(SIGMA), SIGMA, stride=1200)
+    assert z_free.series.errors.shape == (1, 16, scenario.runs)
+    # The NEES of the kernel's own P and of the linear covariance agree on the same error.
+
+    e = z_free.series.errors[0].copy()
+    e[:2] /= linear.metres(scenario)[-1][:, None]
+    P = covariances[-1][np.ix_(ins.KEPT, ins.KEPT)]
+    scale = np.sqrt(np.diag(P))
+    P = P / np.outer(scale, scale)
+    nees = np.einsum("ir,ir->r", e / scale[:, None], np.linalg.solve(P, e / scale[:, None]))
+    assert z_free.series.nees[0] == pytest.approx(nees, rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """300 missions of ten minutes, every initial error drawn from what the filter believes."""
+    scenario = Scenario(
+        runs=304,
+        duration_s=600.0,
+        corner_radius=150.0,
+        initial_current="stationary",
+        initial_errors="drawn",
+        initial_tilt_rad=1e-4,
+        initial_heading_rad=1e-3,
+        seed=8,
+    )
+    jobs = [(run.EKF(SIGMA), SIGMA), (run.EKF(SIGMA), 2 * SIGMA)]
+    return scenario, run.fly_all(scenario, jobs, stride=300)
+
+
+def _bounds(count, freedom):
+    total = stats.chi2(count * freedom)
+    return total.ppf(0.0005) / count, total.ppf(0.9995) / count
+
+
+def test_matched_filter_is_consistent_and_a_mistuned_one_is_not(drawn):
+    scenario, (matched, mistuned) = drawn
+    low, high = _bounds(scenario.runs, 16)
+    for record in matched.series:
+        assert low < record[16].mean() < high
+    assert not low < mistuned.series.nees[-1].mean() < high
+    steps = int(scenario.duration_s)
+    low, high = _bounds(scenario.runs * steps, 1)
+    assert low < matched.nis.mean() < high
+    assert not low < mistuned.nis.mean() < high
+
+
+def test_linear_twin_and_exact_covariance_agree():
+    scenario = Scenario(duration_s=1200.0, initial_current="zero")
+    for sigma_filter in (0.1, 0.5):
+        for sigma_true in (0.05, 1.0):
+            exact = linear.scores(scenario, sigma_filter, sigma_true)[:4]
+            exact[2:] = np.radians(exact[2:])
+            twin = linear.twin(scenario, sigma_filter, sigma_true, 100)
+            se = twin.std(axis=1, ddof=1) / 10
+            assert (np.abs(twin.mean(axis=1) - exact**2) < 3.5 * se).all()
+
+
+def test_wrong_correlation_time_reduces_to_the_right_one():
+    scenario = Scenario(duration_s=1200.0, initial_current="stationary")
+    right = linear.wrong_time(scenario, 0.5, 7200.0, 0.3, 7200.0)
+    assert right == pytest.approx(linear.scores(scenario, 0.5, 0.3)[4], rel=1e-6)
+    assert linear.wrong_time(scenario, 0.5, 600.0, 0.3, 7200.0) > right
+
+
+def test_wrong_correlation_time_matches_flown_missions():
+    scenario = attrs.evolve(SHORT, runs=160, initial_current="stationary")
+    for true, assumed in ((7200.0, 100.0), (100.0, 7200.0)):
+        scenario = attrs.evolve(scenario, correlation_time_s=true)
+        filter_ = run.Filter("wrong time", (0.5,), correlation_time_s=assumed)
+        (flown,) = run.fly_all(scenario, [(filter_, SIGMA)])
+        exact = linear.wrong_time(scenario, 0.5, assumed, SIGMA, true)
+        tcep = scores.tcep(flown)
+        assert abs(tcep.value - exact) < 3.5 * tcep.se
+        # A true current that decays as the filter believes would give another error.
+        wrong = linear.wrong_time(scenario, 0.5, assumed, SIGMA, assumed)
+        assert abs(tcep.value - wrong) > 3.5 * tcep.se
+
+
+def test_turning_the_square_by_half_a_turn_changes_little():
+    both = []
+    for heading in (math.pi / 2, -math.pi / 2):
+        base = Scenario()
+        path = dataclasses.replace(base.path(), heading=heading)
+        turned = type("Turned", (Scenario,), {"path": lambda self, path=path: path})()
+        both.append(linear.scores(turned, 0.5, 0.5))
+    assert both[1] == pytest.approx(both[0], rel=0.01)
+
+
+def test_rms_of_plain_filters_matches_linear_covariance(drawn):
+    scenario, (matched, _) = drawn
+    exact = linear.scores(scenario, SIGMA, SIGMA)
+    for k, cell in enumerate(scores.cells(matched)):
+        assert abs(cell.value - exact[k]) < 3.5 * cell.se + 0.01 * exact[k], k
+
+
+def test_threads_and_number_of_runs_do_not_change_a_run():
+    jobs = [(run.AFEKF(SHORT, 0.1, 0.5), SIGMA)]
+    many = attrs.evolve(SHORT, runs=40)
+    one = run.fly_all(many, jobs, threads=1)[0]
+    two = run.fly_all(many, jobs, threads=2)[0]
+    fewer = run.fly_all(attrs.evolve(SHORT, runs=21), jobs)[0]
+    assert _same(one, two)
+    assert fewer.nis.shape == (21,)
+    assert _same(fewer, one.runs(21))
+
+
+def test_three_axes_help_and_stay_consistent():
+    # With all axes the log sees the whole current: better attitude, NIS of three.
+    scenario = attrs.evolve(SHORT, log_axes=3, initial_current="stationary", runs=16)
+    forward = attrs.evolve(scenario, log_axes=1)
+    three = run.fly_all(scenario, [(run.EKF(SIGMA), SIGMA)])[0]
+    one = run.fly_all(forward, [(run.EKF(SIGMA), SIGMA)])[0]
+    assert three.nis.mean() == pytest.approx(3.0, abs=0.1)
+    assert three.mean_squares.velocity.mean() < one.mean_squares.velocity.mean()
+
+
+def test_a_lane_without_a_run_is_no_run():
+    scenario = Scenario(runs=8, duration_s=600.0, corner_radius=150.0)
+    sensed = run.sense(scenario, 0)
+    by_hand = run.fly(scenario, sensed, run.EKF(0.1), 1.0)
+    (flown,) = run.fly_all(scenario, [(run.EKF(0.1), 1.0)])
+    assert by_hand.nis.shape == (8,)
+    assert scores.tcep(by_hand) == scores.tcep(flown)
+    # The idle lanes repeat the first run: as runs they would count it nine times.
+    every = run.fly(scenario, dataclasses.replace(sensed, runs=run.LANES), run.EKF(0.1), 1.0)
+    assert _same(every.runs(8), by_hand)
+    assert scores.tcep(every).value != pytest.approx(scores.tcep(by_hand).value, rel=0.01)
+
+
+def test_each_batch_is_sensed_once_however_many_there_are(monkeypatch):
+    sensed, made = [], inertial.sensor_increments
+
+    def counted(*arguments):
+        sensed.append(arguments)
+        return made(*arguments)
+
+    monkeypatch.setattr(inertial, "sensor_increments", counted)
+    jobs = [(run.EKF(s), SIGMA) for s in (0.1, 0.2, 0.3, 0.4, 0.5)]
+    few = Scenario(runs=run.LANES, duration_s=60.0, trajectory="circle", seed=21)
+    run.fly_all(few, jobs, threads=2)  # two threads want the same batch at once
+    assert len(sensed) == few.runs
+    # What a later study of the same world needs again is kept, up to a bound.
+    run.fly_all(few, jobs[:1])
+    assert len(sensed) == few.runs
+    sensed.clear()
+    many = attrs.evolve(few, runs=run.LANES * (run.KEPT + 2), seed=22)
+    run.fly_all(many, jobs, threads=2)
+    assert len(sensed) == many.runs
+    run.fly_all(many, jobs, threads=2)
+    assert len(sensed) == many.runs + 2 * run.LANES
+
+
+class Cluster:
+    """The two calls of a Dask client that are used; tasks travel as bytes, as they do there."""
+
+    def map(self, function, items, pure):
+        assert not pure
+        sent = cloudpickle.dumps((function, items))
+        function, items = cloudpickle.loads(sent)
+        found = [cloudpickle.loads(cloudpickle.dumps(function(item))) for item in reversed(items)]
+        return [type("Future", (), {"result": lambda _, one=one: one})() for one in found[::-1]]
+
+
+@pytest.mark.parametrize("kept", [1, 16])
+def test_results_do_not_depend_on_how_the_work_is_split(kept, monkeypatch):
+    scenario = Scenario(runs=40, duration_s=60.0, trajectory="circle", seed=23)
+    jobs = [(run.EKF(s), SIGMA) for s in (0.1, 0.2, 0.3, 0.4)] + [(run.EKF(0.1, 0.5), SIGMA)]
+    expected = [
+        ins.Flight.join([run.fly(scenario, run.sense(scenario, b), *job) for b in range(3)])
+        for job in jobs
+    ]
+    monkeypatch.setattr(run, "KEPT", kept)
+    for options in ({"threads": 1}, {"threads": 3}, {"client": Cluster()}):
+        flown = run.fly_all(scenario, jobs, **options)
+        assert all(_same(a, b) for a, b in zip(flown, expected, strict=True))
+
+
+def test_flights_of_all_runs_carry_no_covariances():
+    scenario = Scenario(runs=2, duration_s=60.0, trajectory="circle", sigma_true=(0.3,))
+    for flights in run.sweep(scenario, [run.EKF(0.1)], stride=30).values():
+        assert flights[0].P.size == 0
+        assert flights[0].series.errors.shape == (2, 16, 2)
+
+
+def test_what_is_stored_cannot_be_written_to():
+    sensed = run.sense(SHORT, 0)
+    arrays = [getattr(sensed, f.name) for f in dataclasses.fields(sensed) if f.name != "runs"]
+    arrays += [*SHORT.path().states(), *SHORT.path().increments(), *SHORT.path().increments(10)]
+    arrays += [*linear.model(SHORT.path(), 7200.0), linear.gains(SHORT, 0.1)]
+    arrays += [*linear.mean_squares(SHORT, 0.1), linear.metres(SHORT)]
+    for array in arrays:
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0.0
+
+
+def test_one_update_needs_no_more_noise_than_its_own():
+    world = {"velocity_std": 0.3, "drift": 2e-2, "log_noise": 0.05, "correlation_time": 100.0}
+    long = montecarlo.normals(3, "appendix B", 5, (61, 3))
+    short = montecarlo.normals(3, "appendix B", 5, (2, 3))
+    first = appendix.simulate(0.4, 60, long, **world)[0]
+    assert np.array_equal(appendix.simulate(0.4, 1, short, **world)[0], first)
+
+
+def _errorless_drift(path):
+    """RMS distance (m) of errorless increments, merged to 1 Hz, from the path they belong to."""
+    steps = int(path.duration)
+    theta, dv, track = np.empty((steps, 3)), np.empty((steps, 3)), np.empty((steps + 1, 8))
+    inertial.preintegrate(*path.increments(), 100, theta, dv)
+    latitude, longitude, v_n, heading = path.states()
+    q = np.array([math.cos(heading[0] / 2), 0.0, 0.0, math.sin(heading[0] / 2)])
+    inertial.mechanise(np.array([latitude[0], longitude[0], 0.0]), v_n[0], q, theta, dv, 1.0, track)
+    R_n, R_t = earth.radii(path.latitude)
+    north, east = track[:, 0] - latitude, track[:, 1] - longitude
+    return math.sqrt(((north * R_n) ** 2 + (east * R_t * np.cos(latitude)) ** 2).mean())
+
+
+# The sharpest corners that are allowed, on laps that add their errors up; and sharper ones.
+ALLOWED = [("square", 4, 1), ("laps", 3, 100), ("laps", 4, 100), ("polygon", 100, 1)]
+SHARPER = [("square", 4, 1, 10.0), ("laps", 4, 100, 30.0), ("polygon", 100, 1, 60.0)]
+SMALLEST = 0.01 * min(row[0] for table in printed.CELLS.values() for row in table.values())
+
+
+@pytest.mark.parametrize(("shape", "sides", "laps"), ALLOWED)
+def test_the_sharpest_turns_cost_less_than_a_hundredth_of_the_smallest_error(shape, sides, laps):
+    radius = {"trajectory": shape, "sides": sides, "laps": laps}
+    with pytest.raises(ParameterError, match="must be at least") as refused:
+        Scenario(**radius, corner_radius=1.0)
+    least = float(str(refused.value).split("at least ")[1].split()[0])
+    assert _errorless_drift(Scenario(**radius, corner_radius=least).path()) < SMALLEST
+
+
+@pytest.mark.parametrize(("shape", "sides", "laps", "radius"), SHARPER)
+def test_turns_that_are_refused_would_be_seen(shape, sides, laps, radius):
+    path = dataclasses.replace(
+        Scenario().path(), shape=shape, sides=sides, laps=laps, corner_radius=radius
+    )
+    assert _errorless_drift(path) > SMALLEST
+    with pytest.raises(ParameterError, match="must be at least"):
+        Scenario(trajectory=shape, sides=sides, laps=laps, corner_radius=radius)
+
+
+def _flight(means, series=None):
+    """A flight with these numbers: five mean squares, four more scores, modes."""
+    series = np.zeros((1, 18, len(means[0]))) if series is None else series
+    nis, nees, beta, squared_nis = means[5:9]
+    return ins.Flight(
+        ins.MeanSquares(*means[:5]),
+        nis,
+        beta,
+        squared_nis,
+        nees,
+        means[9:],
+        ins.Series(series[:, :16], series[:, 16], series[:, 17:]),
+        np.zeros((1, 0, len(means[0]))),
+    )
+
+
+def _mission(mean_squares):
+    means = np.zeros((10, len(mean_squares[0])))
+    means[: len(mean_squares)] = mean_squares
+    return _flight(means)
+
+
+def test_tcep_and_rate_by_hand():
+    pure, best = _mission([[400.0, 400.0], [100.0, 100.0]]), _mission([[1.0, 1.0], [1.0, 1.0]])
+    some = _mission([[100.0, 100.0], [25.0, 25.0]])
+    assert scores.tcep(pure).value == pytest.approx(0.589 * 30)
+    assert scores.rate(some, pure, best).value == pytest.approx(100 * 15 / 28)
+    first, second = (some, pure, best), (pure, pure, best)
+    assert scores.rate_difference(first, second).value == pytest.approx(100 * 15 / 28)
+    zero = scores.advantage_difference(first, second, first, second)
+    assert (zero.value, zero.se) == pytest.approx((0, 0))
+
+
+RUNS = 400
+
+
+@pytest.fixture(scope="module")
+def made_up():
+    """Four missions of made-up errors that share part of their luck, with series."""
+    random = np.random.default_rng(0)
+    shared = random.chisquare(3, (10, RUNS))
+    missions = []
+    for size in (3.0, 9.0, 1.0, 5.0):
+        means = size * (shared + random.chisquare(3, (10, RUNS)))
+        means[9] = random.random(RUNS)
+        series = (
+            size * random.standard_normal((12, 18, RUNS)) * np.linspace(1, 2, 12)[:, None, None]
+        )
+        missions.append(_flight(means, series))
+    return missions
+
+
+SCORES = {
+    "rate": lambda a, b, c, d: scores.rate(a, b, c),
+    "rate_difference": lambda a, b, c, d: scores.rate_difference((a, b, c), (d, b, c)),
+    "advantage_difference": lambda a, b, c, d: scores.advantage_difference(
+        (a, b, c), (d, b, c), (c, b, c), (d, b, a)
+    ),
+    "tcep": lambda a, b, c, d: scores.tcep(a),
+    "tcep_log_ratio": lambda a, b, c, d: scores.tcep_log_ratio(a, b),
+    "cells": lambda a, b, c, d: scores.cells(a)[1],
+    "log_ratios": lambda a, b, c, d: scores.log_ratios(a, b)[2],
+    "mode": lambda a, b, c, d: scores.mode(a),
+    "mode_difference": lambda a, b, c, d: scores.mode_difference(a, b),
+    "mode_contrast_difference": lambda a, b, c, d: scores.mode_contrast_difference(a, b, -1),
+    "fall of RMS": lambda a, b, c, d: scores.falls(a, 2, 9)[0],
+    "fall of TCEP": lambda a, b, c, d: scores.falls(a, 2, 9)[1],
+}
+
+
+@pytest.mark.parametrize("name", SCORES)
+def test_intervals_of_scores_match_jackknife(name, made_up):
+    score = SCORES[name]
+
+    def without(left_out):
+        keep = np.arange(RUNS) != left_out
+        return score(*(each_array(lambda x: x[..., keep], m) for m in made_up)).value
+
+    leave = np.array([without(r) for r in range(RUNS)])
+    se = math.sqrt((RUNS - 1) / RUNS * ((leave - leave.mean()) ** 2).sum())
+    assert score(*made_up).se == pytest.approx(se, rel=0.02)
+
+
+def test_scores_by_their_definitions(made_up):
+    a, b, c, d = made_up
+    rates = [scores.rate(m, b, c).value for m in (a, d)]
+    three = (a, b, c), (d, b, c)
+    got = scores.advantage_difference(*three, *three[::-1]).value
+    assert got == pytest.approx(2 * (rates[0] - rates[1]))
+    tcep = [0.589 * np.sqrt(np.mean(m.mean_squares[:2], axis=1)).sum() for m in (a, b)]
+    assert scores.tcep_log_ratio(a, b).value == pytest.approx(np.log(tcep[0] / tcep[1]))
+    rms = [np.sqrt(m.mean_squares.levelling.mean()) for m in (a, b)]
+    assert scores.log_ratios(a, b)[2].value == pytest.approx(np.log(rms[0] / rms[1]))
+    levelling, heading = np.degrees([rms[0], np.sqrt(a.mean_squares.heading.mean())])
+    assert [x.value for x in scores.cells(a)[2:]] == pytest.approx([levelling, heading])
+    # Two models: mu1 − mu2 is 2 mu1 − 1.
+    contrast = [2 * m.mode_probability[0].mean() - 1 for m in (a, b)]
+    got = scores.mode_contrast_difference(a, b, -1).value
+    assert got == pytest.approx(contrast[1] - contrast[0])
+
+
+def test_curves_against_time_by_their_definitions(made_up):
+    one = made_up[0]
+    north, east = one.series.errors[:, 0], one.series.errors[:, 1]
+    rms, cep, tcep = scores.radial_curves(one)
+    for k in (0, 5, 11):
+        radius = np.sort(np.sqrt(north[k] ** 2 + east[k] ** 2))
+        assert rms[k] == pytest.approx(np.sqrt((radius**2).mean()))
+        assert scores.radial_rms(one)[k].value == pytest.approx(rms[k])
+        assert scores.mode_curve(one)[k].value == pytest.approx(
+            one.series.mode_probability[k, 0].mean()
+        )
+        assert cep[k] == pytest.approx(radius[RUNS // 2 - 1 : RUNS // 2 + 1].mean())
+        assert tcep[k] == pytest.approx(
+            0.589 * sum(np.sqrt((x[: k + 1] ** 2).mean()) for x in (north, east))
+        )
+    swing, smooth = scores.falls(one, 2, 9)
+    assert swing.value == pytest.approx(np.log(rms[9] / rms[2]))
+    assert smooth.value == pytest.approx(np.log(tcep[9] / tcep[2]))
+
+
+def test_appendix_B_against_the_normal_equations():
+    # One update of two correlated numbers, as the inverse of summed information.
+    P, R = np.array([[2.0, 0.7], [0.7, 3.0]]), 0.4
+    H = np.array([[1.0, -1.0]])
+    after = np.linalg.inv(np.linalg.inv(P) + H.T @ H / R)
+    assert appendix.one_step(2.0, 0.7, 3.0, R) == pytest.approx(after[0, 0])
+    world = {"velocity_std": 0.3, "drift": 2e-2, "log_noise": 0.05, "correlation_time": 100.0}
+    _, _, after = appendix.riccati(0.4, 50, **world)
+    noise = np.random.default_rng(2).standard_normal((4000, 51, 3))
+    errors = appendix.simulate(0.4, 50, noise, **world)
+    for k in (0, 10, 49):
+        sample = errors[k] @ errors[k].T / 4000
+        assert sample == pytest.approx(after[k], rel=0.1)
+
+
+def test_studies_beyond_the_paper_change_what_they_say(sensors):
+    assert np.array(beyond.chain(0.8, 3)) == pytest.approx(
+        np.array([[0.8, 0.1, 0.1], [0.1, 0.8, 0.1], [0.1, 0.1, 0.8]])
+    )
+    pair = beyond.with_chain(run.EKF(0.1, 0.5), 0.95)
+    assert np.array(pair.transition) == pytest.approx(np.array([[0.95, 0.05], [0.05, 0.95]]))
+    assert pair.initial_probabilities == (0.5, 0.5)
+    change = beyond.changing(SHORT, low=0.05, high=1.0)
+    mode = change["IMM-EKF 0.1,0.5"].series.mode_probability[:, 0].mean(axis=1)
+    assert mode[:10].mean() > mode[-5:].mean()
+    # Printed cells off by a common factor are that far off, whatever their number.
+    own = dict.fromkeys(printed.CELLS)
+    for table, sigma in printed.SIGMA.items():
+        exact = {f"EKF {one:g}": linear.scores(SHORT, one, sigma)[:4] for one in (0.1, 0.5)}
+        sign = 1 if table == 2 else -1
+        own[table] = {name: row * np.exp(0.3 * sign) for name, row in exact.items()}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(printed, "CELLS", own)
+        assert beyond.table_distance(SHORT) == pytest.approx(0.3)
+
+
+def test_crossing_is_interpolated():
+    assert scores.crossing([0.0, 1.0, 2.0], [0.0, 1.0, 3.0], [2.0] * 3) == pytest.approx(1.5)
+    assert scores.crossing([0.0, 1.0], [0.0, 1.0], [2.0] * 2) is None
+
+
+def test_changing_sigma_scales_the_current(sensors):
+    steps = int(SHORT.duration_s)
+    constant = _fly(sensors, run.EKF(0.1))
+    assert _same(constant, _fly(sensors, run.EKF(0.1), sigma=np.full(steps, SIGMA)))
+    # The current doubles at half time, and nothing before it: errors part from there on.
+    doubled = np.where(np.arange(steps) < steps // 2, SIGMA, 2 * SIGMA)
+    later, half = _fly(sensors, run.EKF(0.1), sigma=doubled), constant.series.nees.shape[0] // 2
+    assert np.array_equal(later.series.errors[:half], constant.series.errors[:half])
+    assert scores.tcep(later).value > 1.2 * scores.tcep(constant).value
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        ({"runs": 1}, "runs = 1: must be an integer of at least 2"),
+        ({"sigma_filter": (0.1, 0.0)}, "sigma_filter = 0.0: must be a finite number above 0"),
+        ({"sigma_true": (-0.1,)}, "sigma_true = -0.1: must be a finite number above 0"),
+        ({"sigma_true": "0.1"}, "sigma_true = '0.1': must be a list"),
+        ({"transition": ((0.9, 0.2), (0.1, 0.9))}, "transition = .*whose rows sum to one"),
+        ({"transition": ((1.1, -0.1), (0.1, 0.9))}, "transition = .*whose rows sum to one"),
+        ({"initial_probabilities": (0.5, 0.6)}, "initial_probabilities = .*sum to one"),
+        ({"initial_probabilities": (1.0,)}, "initial_probabilities = .*must be 2 prob"),
+        ({"fading_window": 1}, "fading_window = 1: must be an integer of at least 2"),
+        ({"fading_form": "some"}, "fading_form = 'some': must be one of 'none'"),
+        ({"trajectory": "spiral"}, "trajectory = 'spiral': must be one of 'square'"),
+        ({"corner_radius": 20e3}, r"corner_radius = 20000\.0: must be at most"),
+        ({"log_axes": 2}, "log_axes = 2: must be one of 1, 3"),
+        ({"initial_current": "none"}, "initial_current = 'none': must be one of"),
+        ({"log_noise": 0.0}, "log_noise = 0.0: must be a finite number above 0"),
+        ({"duration_s": 100.5}, r"duration_s = 100\.5: must be a whole number"),
+        # Work and memory are bounded, and nothing is allocated before the refusal.
+        ({"runs": 10**9}, "runs = 1000000000: must be an integer of at least 2 and at most 10000"),
+        ({"duration_s": 1e9}, r"duration_s = 1000000000\.0: .* at least 60 and at most 21600"),
+        ({"duration_s": 59}, "duration_s = 59: .* at least 60"),
+        ({"runs": 10_000, "duration_s": 21600}, "runs = 10000: must be at most 3333 with"),
+        ({"laps": 10**7}, "laps = 10000000: .* at most 100$"),
+        ({"sides": 10**7}, "sides = 10000000: .* at most 100$"),
+        ({"fading_window": 10**9}, "fading_window = 1000000000: .* at most 1000$"),
+        ({"speed_kn": 1e5}, r"speed_kn = 100000\.0: .* at most 60"),
+        ({"sigma_true": [0.1] * 10**4}, "sigma_true = .*must hold at most 32 values"),
+        ({"sigma_filter": [0.1] * 7}, "sigma_filter = .*must hold at most 6 values"),
+        ({"transition": np.eye(7), "initial_probabilities": np.full(7, 1 / 7)}, "at most 6 models"),
+        # The least radius, and a lap on which no radius would do.
+        ({"corner_radius": 3.0}, r"corner_radius = 3\.0: must be at least 52 m at 20 kn"),
+        ({"corner_radius": 0.01}, r"corner_radius = 0\.01: must be at least 52 m"),
+        (
+            {"trajectory": "polygon", "sides": 100, "corner_radius": 160.0},
+            r"corner_radius = 160\.0: must be at least 164 m at 20 kn and 100 sides",
+        ),
+        (
+            {"trajectory": "laps", "laps": 100, "duration_s": 600.0, "corner_radius": 9.0},
+            "laps = 100: must leave at least 32 s for a lap",
+        ),
+        (
+            {"trajectory": "polygon", "sides": 90, "duration_s": 60.0, "corner_radius": 9.0},
+            "sides = 90: must leave at least 90 s for a lap",
+        ),
+    ],
+)
+def test_bad_input_is_one_clear_line(change, line):
+    with pytest.raises(ParameterError, match=line) as caught:
+        Scenario(**change)
+    assert "\n" not in str(caught.value)
+
+
+def test_models_and_chain_must_fit(sensors):
+    triple = run.EKF(0.1, 0.5, 1.0)
+    with pytest.raises(ParameterError, match="must fit the 3 models of IMM-EKF"):
+        _fly(sensors, triple)
+
+
+def test_nonlinear_filter_with_H_at_the_truth_is_the_linear_model():
+    """Runs with errorless inertial sensors against the linear error equations, step by step."""
+    scenario = Scenario(runs=2, duration_s=1800.0)
+    path, steps = scenario.path(), 1800
+    sensed = run.sense(scenario, 0)
+    theta, dv = np.empty((steps, 3)), np.empty((steps, 3))
+    inertial.preintegrate(*path.increments(), 100, theta, dv)
+    theta, dv = (np.repeat(x[:, :, None], run.LANES, axis=2) for x in (theta, dv))
+    sensed = dataclasses.replace(sensed, theta=theta, dv=dv, bias=np.zeros((6, run.LANES)))
+    (Phi, H), K = linear.model(path, 7200.0), linear.gains(scenario, 0.1)
+    unit, a = sensed.unit_current, currents.decay(1.0, 7200.0)[0]
+
+    def distance(sigma, about):
+        e, expected = np.zeros((18, run.LANES)), []
+        for k in range(steps):
+            e = Phi[k] @ e
+            e[15:] -= sigma * (unit[k + 1] - a * unit[k])
+            e = e - np.outer(K[k], H[k] @ e - scenario.log_noise * sensed.log_noise[k, 0])
+            expected.append(e[ins.KEPT][2:7, : scenario.runs])
+        expected = np.array(expected[299::300])
+        filter_ = dataclasses.replace(run.EKF(0.1), about=about)
+        flown = run.fly(scenario, sensed, filter_, sigma, stride=300)
+        scale = np.sqrt((expected**2).mean(axis=(0, 2)))[:, None]
+        return np.abs((flown.series.errors[:, 2:7] - expected) / scale).max()
+
+    # What the linear model leaves out is of second order: relative to the error it grows with it.
+    near, far = distance(0.5, "truth"), distance(2.0, "truth")
+    assert 3 < far / near < 6
+    assert distance(0.5, "estimate") > 10 * near
