@@ -38,6 +38,9 @@ STAMPS := $(CHOSEN:%=build/stamps/%)
 unexport $(filter-out SEANAV_THREADS,$(filter PYTHON% VIRTUAL_ENV CONDA_% IPYTHON% JUPYTER% JPY_% \
   MPL% MATPLOTLIB% NUMBA_% GDAL_% PROJ_% PYTEST_% COVERAGE_% HYPOTHESIS_% RUFF_% PAPERMILL_% \
   SEANAV_% PAPER QUICK PARAMS,$(.VARIABLES)))
+# Handed over in the environment: no shell and no make reads quotes and dollars in them.
+export SEANAV_PARAMS := $(value PARAMS)
+export SEANAV_PYTHON := $(value PYTHON)
 # The same texts in every language.
 export PYTHONUTF8 := 1
 export PYTHONNOUSERSITE := 1
@@ -63,8 +66,6 @@ help: ## list the targets
 	  printf "  %-12s%s\n", name, $$0 }' Makefile
 
 ifneq ($(strip $(FAST)$(value PARAMS)),)
-# Handed over in the environment: no shell and no make reads the quotes and dollars in it.
-figures: export SEANAV_PARAMS := $(value PARAMS)
 figures: .venv
 	@$(SEANAV) run $(CHOSEN:%=--paper %) $(if $(FAST),--quick) --params="$$SEANAV_PARAMS"
 else
@@ -133,8 +134,6 @@ clean: ## remove build/ and .venv/
 	rm -rf build .venv
 
 .venv: ## the environment of requirements.lock: with PYTHON, else with the interpreter it has
-.venv: export SEANAV_PYTHON := $(value PYTHON)
-.venv:
 	@for python in $(if $(value PYTHON),"$$SEANAV_PYTHON",$(BIN)/python python3); do \
 	  "$$python" -I -S -c '' 2>/dev/null && exec "$$python" -I -S -X utf8 src/seanav/environment.py; \
 	done; \

@@ -18,23 +18,9 @@ from pathlib import Path
 
 # What pip keeps of the user's settings: the way to a registry. All others (user, target,
 # prefix, constraint, no-binary, ...) would put packages elsewhere or take other ones.
-KEPT = [
-    "index-url",
-    "extra-index-url",
-    "no-index",
-    "find-links",
-    "trusted-host",
-    "cert",
-    "client-cert",
-    "proxy",
-    "timeout",
-    "default-timeout",
-    "retries",
-    "cache-dir",
-    "no-cache-dir",
-    "keyring-provider",
-    "use-feature",
-]
+KEPT = ["index-url", "extra-index-url", "no-index", "find-links", "trusted-host", "use-feature"]
+KEPT += ["cert", "client-cert", "keyring-provider", "proxy", "timeout", "default-timeout"]
+KEPT += ["retries", "cache-dir", "no-cache-dir"]
 
 
 def wanted(root: Path) -> dict:
