@@ -1,14 +1,49 @@
 # Needs git, make and python3 (3.11 to 3.13) with its venv module; nothing else.
+# Written for GNU make 3.81 and later, a POSIX shell and POSIX awk and sed.
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
+.SECONDEXPANSION:
 .SUFFIXES:
 .DEFAULT_GOAL := help
 
-PYTHON ?= python3
-PAPER ?=
-QUICK ?=
-PARAMS ?=
+# What the command line may set; equal names in the environment mean something else.
+PYTHON :=
+PAPER :=
+QUICK :=
+PARAMS :=
+GIVEN := $(foreach v,$(.VARIABLES),$(if $(findstring command,$(origin $v)),$v))
+UNKNOWN := $(filter-out PYTHON PAPER QUICK PARAMS,$(GIVEN))
+$(if $(UNKNOWN),$(error unknown: $(UNKNOWN:%=%=...); did you mean PAPER=, QUICK=, PARAMS= or PYTHON=?))
+# $(call belongs,VARIABLE,targets): others would silently do without it.
+belongs = $(if $(value $1),$(if $(filter-out $2 .venv,$(MAKECMDGOALS)),$(error $1 belongs to: make $2)))
+$(call belongs,PAPER,figures notebooks)
+$(call belongs,QUICK,figures)
+$(call belongs,PARAMS,figures)
 
+YES := 1 y yes Yes YES true True TRUE on
+NO := 0 n no No NO false False FALSE off
+$(if $(filter-out $(YES) $(NO),$(QUICK)),$(error QUICK=$(QUICK): must be 1 or 0))
+FAST := $(filter $(YES),$(QUICK))
+
+# A paper is a notebook with a number. Names with other characters are a user's own.
+PAPERS := $(shell ls notebooks 2>/dev/null | sed -n 's/^\([0-9][0-9]*_[A-Za-z0-9_][A-Za-z0-9_]*\)\.ipynb$$/\1/p')
+ABSENT := $(strip $(foreach p,$(PAPER),$(if $(filter $p $p_%,$(PAPERS)),,$p)))
+$(if $(ABSENT),$(error no paper $(ABSENT); there are: $(PAPERS)))
+CHOSEN := $(if $(strip $(PAPER)),$(filter $(PAPER) $(PAPER:%=%_%),$(PAPERS)),$(PAPERS))
+STAMPS := $(CHOSEN:%=build/stamps/%)
+
+# Nothing that a user set for these tools elsewhere may change results: what is passed on
+# is the rest, such as PATH, HOME, TMPDIR, the language, proxies, and SEANAV_THREADS.
+# Of PIP_... and pip's files, src/seanav/environment.py keeps the way to a registry.
+unexport $(filter-out SEANAV_THREADS,$(filter PYTHON% VIRTUAL_ENV CONDA_% IPYTHON% JUPYTER% JPY_% \
+  MPL% MATPLOTLIB% NUMBA_% GDAL_% PROJ_% PYTEST_% COVERAGE_% HYPOTHESIS_% RUFF_% PAPERMILL_% \
+  SEANAV_% PAPER QUICK PARAMS,$(.VARIABLES)))
+# Handed over in the environment: no shell and no make reads quotes and dollars in them.
+export SEANAV_PARAMS := $(value PARAMS)
+export SEANAV_PYTHON := $(value PYTHON)
+# The same texts in every language.
+export PYTHONUTF8 := 1
+export PYTHONNOUSERSITE := 1
 # One thread per library: the runs of a study share the processors, not its matrices.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
@@ -19,93 +54,90 @@ export IPYTHONDIR := $(CURDIR)/build/home/ipython
 export JUPYTER_CONFIG_DIR := $(CURDIR)/build/home/jupyter/config
 export JUPYTER_DATA_DIR := $(CURDIR)/build/home/jupyter/data
 export JUPYTER_RUNTIME_DIR := $(CURDIR)/build/home/jupyter/runtime
-export PYTHONNOUSERSITE := 1
-unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV SEANAV_RESULTS SEANAV_PROGRESS
 
-VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])' 2>/dev/null)
-ENVIRONMENT := .venv/.built-$(VERSION)
 BIN := .venv/bin
 SEANAV := $(BIN)/python -m seanav
-
-# A paper is a notebook. Its stamp says when its full run began; what the notebook
-# imports is noted beside the stamp by that run. Results that went missing run again.
-PAPERS := $(patsubst notebooks/%.ipynb,%,$(wildcard notebooks/*.ipynb))
-CHOSEN := $(if $(PAPER),$(filter $(PAPER) $(PAPER)_%,$(PAPERS)),$(PAPERS))
-STAMPS := $(CHOSEN:%=build/stamps/%)
-LOST := $(foreach p,$(CHOSEN),$(if $(wildcard paper_figures/$p/claims.json),,build/stamps/$p))
--include $(PAPERS:%=build/stamps/%.d)
 
 .PHONY: help figures notebooks test lint format lock lockcheck bench book clean .venv FORCE
 
 help: ## list the targets
 	@echo "make TARGET [PYTHON=python3.12]"
-	@sed -n 's/^\([a-z.]*\):.*## /  \1\t/p' Makefile | expand -t 14
+	@awk '/^[a-z.]+:.*## / { name = $$1; sub(/:.*/, "", name); sub(/.*## /, ""); \
+	  printf "  %-12s%s\n", name, $$0 }' Makefile
 
-ifneq ($(PAPER),)
-ifeq ($(CHOSEN),)
-$(error no paper $(PAPER); there are: $(PAPERS))
-endif
-endif
-
-ifneq ($(strip $(QUICK)$(PARAMS)),)
-figures: $(ENVIRONMENT)
-	@$(SEANAV) run $(if $(PAPER),--paper $(PAPER)) $(if $(QUICK),--quick) $(if $(PARAMS),--param $(foreach word,$(PARAMS),'$(word)'))
+ifneq ($(strip $(FAST)$(value PARAMS)),)
+figures: .venv
+	@$(SEANAV) run $(CHOSEN:%=--paper %) $(if $(FAST),--quick) --params="$$SEANAV_PARAMS"
 else
-figures: $(STAMPS) ## all results into paper_figures/; [PAPER=5] [QUICK=1] [PARAMS="runs=200 seed=7"]: into build/
+figures: $(STAMPS) ## all results into paper_figures/; [PAPER="2 5"] [QUICK=1] [PARAMS="runs=200 seed=7"]: into build/
+	@echo "paper_figures/ is up to date: $(CHOSEN)"
 endif
 
-$(STAMPS): build/stamps/%: notebooks/%.ipynb requirements.lock | $(ENVIRONMENT)
+# The stamp of a paper says when its full run began. Beside it that run notes, as a rule,
+# what the notebook imports: read as words and believed if whole, lest it stop make. A
+# paper without a whole note, with lost results or with a file gone runs again.
+note = $(strip $(shell cat build/stamps/$1.d 2>/dev/null))
+whole = $(if $(subst $2,,$(strip build/stamps/$1: $(files) $(files:=:))),FORCE,$(or $(files),FORCE))
+files = $(filter-out %:,$2)
+present = $(if $(filter-out $(wildcard $1),$1),FORCE,$1)
+published = $(if $(wildcard paper_figures/$1/claims.json),,FORCE)
+noted = $(call published,$1) $(call present,$(call whole,$1,$(call note,$1)))
+$(STAMPS): build/stamps/%: notebooks/%.ipynb requirements.lock $$(call noted,$$*) | .venv
 	@$(SEANAV) run --paper $*
-$(LOST): FORCE
 
 notebooks: $(STAMPS) ## refresh the stored outputs of the notebooks from their full runs
-	@$(SEANAV) store $(if $(PAPER),--paper $(PAPER))
+	@$(SEANAV) store $(CHOSEN:%=--paper %)
 
-test: $(ENVIRONMENT) ## all tests, then every notebook against its stored outputs and results
+test: .venv ## all tests, then every notebook against its stored outputs and results
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 	rm -rf build/nbval
 ifneq ($(PAPERS),)
-	SEANAV_RESULTS=$(CURDIR)/build/nbval $(BIN)/python -m pytest -p no:cacheprovider -n 2 --dist loadfile \
-	  --nbval --nbval-cell-timeout=1800 notebooks
+	SEANAV_RESULTS="$$(pwd)/build/nbval" $(BIN)/python -m pytest -p no:cacheprovider -n 2 \
+	  --dist loadfile --nbval --nbval-cell-timeout=1800 $(PAPERS:%=notebooks/%.ipynb)
 endif
 	$(SEANAV) check
 
-lint: $(ENVIRONMENT) ## style and docstrings
+lint: .venv ## style and docstrings
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-format: $(ENVIRONMENT) ## mend the style
+format: .venv ## mend the style
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-lockcheck: $(ENVIRONMENT) ## the lock: exact, hashed, one numerics stack, what pyproject.toml asks for
+lockcheck: .venv ## the lock: exact, hashed, one numerics stack, what pyproject.toml asks for
 	$(BIN)/python -m pytest -q tests/test_lock.py
 
-lock: $(ENVIRONMENT) ## resolve requirements.lock anew from pyproject.toml
-	command -v uv >/dev/null || { $(PYTHON) -m venv build/uv && build/uv/bin/pip install -q uv; }
-	PATH="$$PATH:$(CURDIR)/build/uv/bin" uv pip compile pyproject.toml --extra test \
+lock: .venv ## resolve requirements.lock anew from pyproject.toml, for all platforms
+	mkdir -p build
+	command -v uv >/dev/null || $(BIN)/python -I src/seanav/environment.py build/uv uv
+	PATH="$$PATH:build/uv/bin"; uv pip compile pyproject.toml --extra test \
 	  --universal --python-version 3.11 --generate-hashes --only-binary :all: \
-	  --no-header --no-annotate --no-emit-index-url --upgrade -o requirements.lock
+	  --no-header --no-annotate --no-emit-index-url --upgrade -o build/requirements.lock
+	PATH="$$PATH:build/uv/bin"; export MACOSX_DEPLOYMENT_TARGET=14.0; \
+	for python in 3.11 3.12 3.13; do \
+	  for platform in x86_64-manylinux_2_28 aarch64-manylinux_2_28 aarch64-apple-darwin; do \
+	    uv pip install --quiet --dry-run --target build/none --no-deps --only-binary :all: \
+	      --require-hashes --python-version $$python --python-platform $$platform \
+	      -r build/requirements.lock || { echo "no lock for $$platform, $$python" >&2; exit 1; }; \
+	  done; \
+	done
+	mv build/requirements.lock requirements.lock
 
-bench: $(ENVIRONMENT) ## time the kernels against the targets
+bench: .venv ## time the kernels against the targets
 	@for file in $(sort $(wildcard benchmarks/*.py)); do $(BIN)/python $$file || exit 1; done
 
-book: $(ENVIRONMENT) ## the notebooks and the report as web pages, into build/book/
+book: .venv ## the notebooks and the report as web pages, into build/book/
 	$(BIN)/python book/build.py
 
 clean: ## remove build/ and .venv/
 	rm -rf build .venv
 
-.venv: $(ENVIRONMENT) ## the environment of requirements.lock
-
-$(ENVIRONMENT): requirements.lock pyproject.toml
-	@test -n "$(VERSION)" || { echo "$(PYTHON) does not run: install Python 3.11, 3.12 or 3.13, or say make PYTHON=..." >&2; exit 1; }
-	@case $(VERSION) in 3.11.*|3.12.*|3.13.*) ;; *) echo "$(PYTHON) is Python $(VERSION), not 3.11 to 3.13: say make PYTHON=..." >&2; exit 1;; esac
-	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "$(PYTHON) lacks its venv module: install it (Debian and Ubuntu: apt install python3-venv)" >&2; exit 1; }
-	rm -rf .venv
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install -q --disable-pip-version-check --require-hashes --only-binary :all: -r requirements.lock
-	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
-	@touch $@
+.venv: ## the environment of requirements.lock: with PYTHON, else with the interpreter it has
+	@for python in $(if $(value PYTHON),"$$SEANAV_PYTHON",$(BIN)/python python3); do \
+	  "$$python" -I -S -c '' 2>/dev/null && exec "$$python" -I -S -X utf8 src/seanav/environment.py; \
+	done; \
+	echo "$${SEANAV_PYTHON:-python3} does not run: install Python 3.11, 3.12 or 3.13," \
+	  "or say make PYTHON=..." >&2; exit 1
 
 FORCE:

@@ -5,6 +5,8 @@ from pathlib import Path
 import nbformat
 from nbconvert import HTMLExporter
 
+from seanav.runner import papers
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -22,9 +24,8 @@ def main() -> None:
     """Write one page per notebook, one for the report, and an index."""
     pages = ROOT / "build" / "book"
     pages.mkdir(parents=True, exist_ok=True)
-    notebooks = sorted((ROOT / "notebooks").glob("*.ipynb"))
-    names = [path.stem for path in notebooks]
-    for path in notebooks:
+    names = papers(ROOT)
+    for path in [ROOT / "notebooks" / f"{name}.ipynb" for name in names]:
         (pages / f"{path.stem}.html").write_text(chapter(nbformat.read(path, as_version=4)))
     report, contents = ROOT / "paper_figures" / "REPORT.md", "# seanav\n\n"
     if report.exists():

@@ -1,8 +1,12 @@
 """What no other test sees: the shape of the repository and of its notebooks."""
 
 import ast
+import hashlib
 import importlib.util
+import json
+import os
 import re
+import shutil
 import subprocess
 from collections import Counter
 from pathlib import Path
@@ -17,7 +21,7 @@ from seanav.runner import imports
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "seanav"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
-NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+NOTEBOOKS = [ROOT / "notebooks" / f"{stem}.ipynb" for stem in runner.papers(ROOT)]
 
 # ---------------------------------------------------------------- imports run downward
 
@@ -31,6 +35,7 @@ LOWER = {
     },
     "_compile": set(),
     "checks": set(),
+    "environment": set(),
     "montecarlo": {"checks"},
     "estimates": {"checks"},
     "scenario": {"checks"},
@@ -96,19 +101,65 @@ PLACES = re.compile(
 )
 
 
-def committed():
-    # Untracked files too: they are about to be committed.
-    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
-    listed = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
-    return [ROOT / name for name in listed.stdout.splitlines() if (ROOT / name).is_file()]
+def git(folder, *arguments):
+    """Return what git prints in `folder`, whatever the user's settings and the owner are."""
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
+    clean |= {"GIT_CONFIG_GLOBAL": os.devnull, "GIT_CONFIG_SYSTEM": os.devnull}
+    clean |= {
+        f"GIT_{who}_{what}": "x" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")
+    }
+    command = ["git", "-c", "safe.directory=*", *arguments]
+    done = subprocess.run(command, cwd=folder, env=clean, check=True, stdout=subprocess.PIPE)
+    return done.stdout.decode()
+
+
+def committed(root):
+    """Return the files of a checkout that git tracks: of an archive none, of a user none."""
+    if not (root / ".git").exists():
+        return []
+    listed = git(root, "ls-files", "-z").split("\0")
+    return [root / name for name in listed if name and (root / name).is_file()]
 
 
 def test_no_place_of_a_machine_is_committed():
-    for path in committed():
+    for path in committed(ROOT):
         if path == Path(__file__).resolve() or path.suffix in (".png", ".pdf"):
             continue
-        found = PLACES.search(path.read_text())
+        found = PLACES.search(path.read_text(encoding="utf-8"))
         assert found is None, f"{path}: {found.group()}"
+
+
+def test_only_what_is_committed_is_read(tmp_path):
+    git(tmp_path, "init", "-q")
+    (tmp_path / "größe.md").write_text("text")
+    git(tmp_path, "add", "größe.md")
+    (tmp_path / "own grid.nc").write_bytes(b"\x89HDF\xff")
+    archive = tmp_path / "archive"
+    archive.mkdir()
+    (archive / "note.md").write_text("text")
+    assert committed(tmp_path) == [tmp_path / "größe.md"]
+    assert committed(archive) == []  # though it lies in a repository
+
+
+def test_a_clone_holds_the_same_bytes_whatever_git_does_to_lines(tmp_path):
+    kept, clone = tmp_path / "kept", tmp_path / "clone"
+    shutil.copytree(ROOT / "paper_figures", kept / "paper_figures")
+    for name in (".gitattributes", "requirements.lock", "Makefile"):
+        shutil.copy(ROOT / name, kept)
+    git(kept, "init", "-q")
+    git(kept, "add", "--all")
+    git(kept, "commit", "-q", "--message", "all")
+    git(tmp_path, "clone", "-q", "-c", "core.autocrlf=true", "kept", "clone")
+    wrong = [
+        f"{stem}/{name}"
+        for stem, entry in json.loads((ROOT / "paper_figures/manifest.json").read_text()).items()
+        for name, digest in entry["files"].items()
+        if hashlib.sha256((clone / "paper_figures" / stem / name).read_bytes()).hexdigest()
+        != digest
+    ]
+    assert wrong == []
+    for name in ("requirements.lock", "Makefile", "paper_figures/REPORT.md"):
+        assert (clone / name).read_bytes() == (ROOT / name).read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -206,6 +257,11 @@ def test_bad_form_is_seen(name):
     book = good_notebook()
     BREAKAGES[name](book)
     assert faults(book)
+
+
+def test_every_committed_notebook_is_a_paper():
+    found = {p for p in committed(ROOT) if p.parent == ROOT / "notebooks"}
+    assert found <= set(NOTEBOOKS)
 
 
 def test_every_paper_has_one_stem():

@@ -1,6 +1,7 @@
 """``python -m seanav``: list papers, run them, check their results, list their claims."""
 
 import argparse
+import re
 import sys
 from pathlib import Path
 
@@ -18,6 +19,7 @@ def main(arguments: list[str] | None = None) -> int:
     run = commands.add_parser("run", help="run the notebooks")
     run.add_argument("--quick", action="store_true", help="reduced runs, below build/")
     run.add_argument("--param", nargs="*", default=[], metavar="NAME=VALUE", help="below build/")
+    run.add_argument("--params", default="", metavar="TEXT", help="several NAME=VALUE in one text")
     store = commands.add_parser(
         "store", help="keep the outputs of the last full runs in notebooks/"
     )
@@ -26,7 +28,9 @@ def main(arguments: list[str] | None = None) -> int:
     check.add_argument("--rtol", type=float, default=1e-6, help="default: %(default)g")
     claims = commands.add_parser("claims", help="list the claims and their verdicts")
     for command in (run, store, claims):
-        command.add_argument("--paper", metavar="PAPER", help="number or name; default: all")
+        command.add_argument(
+            "--paper", action="append", metavar="PAPER", help="number or name; default: all"
+        )
     given = parser.parse_args(arguments)
     try:
         return globals()[f"_{given.command}"](given.root.resolve(), given)
@@ -43,14 +47,33 @@ def _list(root, given):
     return 0
 
 
+def _papers(root, given):
+    return sorted({stem for pick in given.paper or [None] for stem in runner.papers(root, pick)})
+
+
+def words(text: str) -> list[str]:
+    """Return the parameters in `text`, each ``name=value``; a value may hold blanks and quotes.
+
+    A blank separates where ``name=`` follows; quotes around a whole text value fall away.
+    """
+    found = []
+    for part in filter(None, re.split(r"\s+(?=[^\W\d]\w*\s*=(?!=))", text.strip())):
+        name, equals, value = map(str.strip, part.partition("="))
+        if re.fullmatch(r"""'[^']*'|"[^"]*\"""", value):
+            value = value[1:-1]
+        found.append(f"{name}{equals}{value}")
+    return found
+
+
 def _run(root, given):
-    for stem in runner.papers(root, given.paper):
+    given.param = [*given.param, *words(given.params)]
+    for stem in _papers(root, given):
         runner.run(root, stem, given.quick, tuple(given.param))
     return 0
 
 
 def _store(root, given):
-    for stem in runner.papers(root, given.paper):
+    for stem in _papers(root, given):
         runner.store(root, stem)
     return 0
 
@@ -64,7 +87,7 @@ def _check(root, given):
 
 def _claims(root, given):
     everything = runner.claims(root)
-    for stem in runner.papers(root, given.paper):
+    for stem in _papers(root, given):
         for number, claim in everything.get(stem, {}).items():
             value = "" if claim["value"] is None else f" ({significant(claim['value'])})"
             print(f"{number} {claim['verdict']}: {claim['claim']}{value}")

@@ -1,7 +1,8 @@
 """Run notebooks strictly, publish their results as a whole, and compare them later.
 
-Every function takes `root`, the checkout. A paper is a notebook in ``notebooks/``;
-its name without suffix, the stem, names its results too.
+Every function takes `root`, the checkout. A paper is a notebook in ``notebooks/`` called
+``<number>_<name>.ipynb``; its name without suffix, the stem, names its results too.
+Notebooks with other names are a user's own.
 """
 
 import ast
@@ -12,6 +13,7 @@ import hashlib
 import json
 import math
 import os
+import re
 import shutil
 import time
 import tomllib
@@ -33,6 +35,7 @@ class Refused(Exception):
 def papers(root: Path, pick: str | None = None) -> list[str]:
     """Return the stems of all papers, or of the one whose number or stem is `pick`."""
     stems = sorted(path.stem for path in (root / "notebooks").glob("*.ipynb"))
+    stems = [stem for stem in stems if re.fullmatch("[0-9]+_[A-Za-z0-9_]+", stem)]
     chosen = [stem for stem in stems if pick in (None, stem, stem.partition("_")[0])]
     if pick and not chosen:
         raise Refused(f"no paper {pick!r}; there are: {', '.join(stems) or 'none yet'}")
