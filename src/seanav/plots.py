@@ -37,12 +37,31 @@ def look(kind: str, variant: int | None = None) -> dict:
     return {"color": color, "linestyle": dash, "marker": marker, "markersize": 4}
 
 
-def band(axes: Axes, x, estimates: Sequence[Estimate], label: str | None = None, **style) -> None:
-    """Draw estimates over `x` as a line with the band of their 95 % intervals."""
-    ends = np.array([(e.value, e.low, e.high) for e in estimates])
-    value, low, high = np.where(np.isfinite(ends), ends, np.nan).T  # a gap where it diverged
+def band(
+    axes: Axes, x, estimates: Sequence[Estimate | str], label: str | None = None, **style
+) -> None:
+    """Draw estimates over `x` as a line with the band of their 95 % intervals.
+
+    There is a gap where a filter diverged, and where a reason stands for a missing number.
+    """
+    there = [not (isinstance(e, str) or e.diverged) for e in estimates]
+    pairs = zip(estimates, there, strict=True)
+    ends = [(e.value, e.low, e.high) if usable else (np.nan,) * 3 for e, usable in pairs]
+    value, low, high = np.array(ends).T
+    missing = " (diverged)" if any(map(_lost, estimates)) else " (not run)"
+    label = f"{label}{missing}" if label and not any(there) else label
     (line,) = axes.plot(x, value, label=label, **style)
     axes.fill_between(x, low, high, color=line.get_color(), alpha=0.15, linewidth=0)
+
+
+def _lost(estimate):
+    return estimate.endswith("diverged") if isinstance(estimate, str) else estimate.diverged
+
+
+def legend(axes: Axes, **options) -> None:
+    """Draw the legend of `axes` if there is anything to tell apart."""
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(**options)
 
 
 def curves(
@@ -72,7 +91,7 @@ def curves(
     fig, axes = plt.subplots(figsize=size)
     for n, (name, y) in enumerate(series.items()):
         style = (styles or {}).get(name, {"marker": MARKERS[n % len(MARKERS)], "markersize": 4})
-        if isinstance(y[0], Estimate):
+        if any(isinstance(one, (Estimate, str)) for one in y):
             band(axes, x, y, name, **style)
         else:
             axes.plot(x, y, label=name, **style)
@@ -82,7 +101,7 @@ def curves(
         axes.axvline(vertical, color="0.5", linewidth=1, linestyle=":")
     axes.set(xlabel=xlabel, ylabel=ylabel)
     plain_logarithmic(axes, x=logx, y=logy)
-    axes.legend(ncols=2 if len(series) > 6 else 1)
+    legend(axes, ncols=2 if len(series) > 6 else 1)
     return fig
 
 

@@ -508,8 +508,11 @@ def test_changing_sigma_scales_the_current(sensors):
     ("change", "line"),
     [
         ({"runs": 1}, "runs = 1: must be an integer of at least 2"),
-        ({"sigma_filter": (0.1, 0.0)}, "sigma_filter = 0.0: must be a finite number above 0"),
-        ({"sigma_true": (-0.1,)}, "sigma_true = -0.1: must be a finite number above 0"),
+        (
+            {"sigma_filter": (0.1, 0.0)},
+            r"sigma_filter = 0\.0: must be a finite number at least 0\.001",
+        ),
+        ({"sigma_true": (-0.1,)}, r"sigma_true = -0\.1: must be a finite number at least 0\.001"),
         ({"sigma_true": "0.1"}, "sigma_true = '0.1': must be a list"),
         ({"transition": ((0.9, 0.2), (0.1, 0.9))}, "transition = .*whose rows sum to one"),
         (
@@ -524,7 +527,7 @@ def test_changing_sigma_scales_the_current(sensors):
         ({"corner_radius": 20e3}, r"corner_radius = 20000\.0: must be at most"),
         ({"log_axes": 2}, "log_axes = 2: must be one of 1, 3"),
         ({"initial_current": "none"}, "initial_current = 'none': must be one of"),
-        ({"log_noise": 0.0}, "log_noise = 0.0: must be a finite number at least 1e-06"),
+        ({"log_noise": 0.0}, r"log_noise = 0\.0: must be a finite number at least 0\.0001"),
         ({"duration_s": 100.5}, r"duration_s = 100\.5: must be whole seconds"),
         # Work and memory are bounded, and nothing is allocated before the refusal.
         ({"runs": 10**9}, "runs = 1000000000: must be an integer of at least 2 and at most 10000"),
@@ -539,6 +542,8 @@ def test_changing_sigma_scales_the_current(sensors):
         ({"sigma_filter": [0.1] * 7}, "sigma_filter = .*must be a list of 1 to 6 values"),
         ({"transition": np.eye(3)}, "transition = .*must be a list of 2 values"),
         ({"sigma_filter": [0.5, 0.5]}, "sigma_filter = .*must hold every value once"),
+        ({"sigma_true": [0.5, 0.1, 0.5]}, "sigma_true = .*must hold every value once"),
+        ({"log_noise": 1e-30}, "log_noise = 1e-30: must be a finite number at least 0.0001"),
         # The least radius, and a lap on which no radius would do.
         ({"corner_radius": 3.0}, r"corner_radius = 3\.0: must be at least 52 m at 20 kn"),
         ({"corner_radius": 0.01}, r"corner_radius = 0\.01: must be at least 52 m"),

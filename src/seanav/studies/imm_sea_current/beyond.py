@@ -1,21 +1,23 @@
 """Paper 4, beyond the paper: chains, starts, three models, a changing sea, assumptions."""
 
+import math
 from dataclasses import replace
 
 import attrs
 import numpy as np
 
 from seanav import montecarlo
+from seanav.checks import ParameterError
 from seanav.filters import fading
 from seanav.studies.imm_sea_current import linear, printed, run
 
-GRID = (0.05, 0.1, 0.3, 0.6, 1.0)
+GRID = (0.05, 0.1, 0.3, 0.6, 1.0)  # of the true sigma, m/s, where the scenario's grid has them
 STAY = (0.8, 0.9, 0.95, 0.98)
 
 
 def grid(scenario):
-    """Return the true sigmas of these studies: some of the scenario's own, m/s."""
-    return tuple(s for s in GRID if s in scenario.sigma_true) or scenario.sigma_true
+    """Return the points of `GRID` that the scenario has, or else all of its own."""
+    return tuple(s for s in scenario.sigma_true if s in GRID) or scenario.sigma_true
 
 
 def chain(p, models=2):
@@ -57,9 +59,12 @@ def stationary(scenario):
 
 def three(scenario, swept):
     """Fly IMMs of all models, with fading and without, beside those of two."""
+    if len(scenario.sigma_filter) < 2:
+        return swept
     both = (run.AFEKF(scenario, *scenario.sigma_filter), run.EKF(*scenario.sigma_filter))
     p = scenario.transition[0][0]
     filters = [replace(with_chain(f, p), name=f.name) for f in both]
+    filters = [f for f in filters if f.name not in swept]  # of two models: a pair of the paper
     pairs = [f for f in run.paper_filters(scenario) if len(f.sigma) == 2]
     found = run.sweep(scenario, filters, grid(scenario), known=swept, label="three models")
     return _only(found, [*filters, *pairs])
@@ -90,7 +95,7 @@ def changing(scenario, low=0.1, high=0.8, stride=60):
     return {f.name: mission for f, mission in zip(filters, missions, strict=True)}
 
 
-def forms(scenario, sigma_filter, sigmas):
+def forms(scenario, sigma_filter=0.1, sigmas=(0.05, 1.0)):
     """Fly one adaptive filter in every fading form; {form: [Flight per true sigma]}."""
     made = {form: run.Filter(form, (sigma_filter,), form) for form in fading.FORMS}
     jobs = [(one, sigma) for one in made.values() for sigma in sigmas]
@@ -104,8 +109,10 @@ def linearised(scenario, about):
     Returns
     -------
     dict
-        {(sigma_true, sigma_filter): Flight}
+        {(sigma_true, sigma_filter): Flight}; with the forward axis of the log alone, the
+        only one that the linear model knows.
     """
+    scenario = attrs.evolve(scenario, log_axes=1)
     cases = [(sigma, one) for sigma in printed.SIGMA.values() for one in (0.1, 0.5)]
     jobs = [(replace(run.EKF(one), about=about), sigma) for sigma, one in cases]
     missions = run.fly_all(scenario, jobs, label=f"H at the {about}")
@@ -115,7 +122,8 @@ def linearised(scenario, about):
 def assumptions(scenario):
     """Return the table rows (what, RMS of ln(ours / printed)) of the EKF cells, linear.
 
-    Each row changes one assumed value of the scenario.
+    Each row changes one assumed value of the scenario; NaN where the rest of the scenario
+    does not allow it, such as a corner that is too large for the lap.
     """
     start = {"initial_position_m": 10.0, "initial_velocity": 1e-2}
     tilt = {"initial_tilt_rad": 1e-5, "initial_heading_rad": 1e-4}
@@ -135,7 +143,11 @@ def assumptions(scenario):
 
     def one(variant):
         name, change = variant
-        return name, table_distance(attrs.evolve(scenario, **change))
+        try:
+            changed = attrs.evolve(scenario, **change)
+        except ParameterError:
+            return name, math.nan
+        return name, table_distance(changed)
 
     return montecarlo.parallel_map(one, variants, label="assumptions")
 

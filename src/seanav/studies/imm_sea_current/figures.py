@@ -6,6 +6,7 @@ from matplotlib import pyplot as plt
 from seanav import plots
 from seanav.models import earth
 from seanav.studies.imm_sea_current import scores
+from seanav.studies.imm_sea_current.claims import BEST, PURE
 
 KM = 1e3
 SIGMA = r"$\sigma_T$ (m/s)"
@@ -64,30 +65,28 @@ def trajectory(path):
     north = (latitude - latitude[0]) * R_n / KM
     axis.plot(east, north)
     axis.plot(east[0], north[0], "o", label="start")
-    axis.annotate(
-        "", (east[900], north[900]), (east[600], north[600]), arrowprops={"arrowstyle": "->"}
-    )
+    a, b = len(east) // 12, len(east) // 8  # on the first leg of a square
+    axis.annotate("", (east[b], north[b]), (east[a], north[a]), arrowprops={"arrowstyle": "->"})
     axis.set(xlabel="east (km)", ylabel="north (km)", aspect="equal")
     axis.legend()
     return fig
 
 
-def tcep_and_rate(grid, results, names, linear=None):
+def tcep_and_rate(flown, names, linear=None):
     """Draw (a) TCEP and (b) its rate against sigma_T with 95 % bands (figures 3 to 5).
 
-    `linear` maps names to exact TCEPs on the grid, drawn as thin dashes.
+    `flown` is the sweep, a `claims.Flown`; `linear` maps names to exact TCEPs on the grid,
+    drawn as thin dashes.
     """
     fig, (left, right) = _axes()
-    pure, best = results["pure navigation"], results["optimal EKF"]
-    for name in ["pure navigation", "optimal EKF", *names]:
+    grid = flown.grid
+    for name in [PURE, BEST, *names]:
         look = style(name)
-        estimates = [scores.tcep(m) for m in results[name]]
-        plots.band(left, grid, estimates, name, **look)
+        plots.band(left, grid, flown.curve(scores.tcep, name), name, **look)
         if linear and name in linear:
             left.plot(grid, linear[name], "--", color="0.4", lw=0.8)
         if name in names:
-            rates = [scores.rate(*one) for one in zip(results[name], pure, best, strict=True)]
-            plots.band(right, grid, rates, name, **look)
+            plots.band(right, grid, flown.rates(name), name, **look)
     left.set(xlabel=SIGMA, ylabel="TCEP (m)", ylim=(0, None), title="(a)")
     right.axhline(100, color="k", lw=0.8)
     right.axhline(90, color="0.6", lw=0.8, ls=":")
@@ -96,33 +95,32 @@ def tcep_and_rate(grid, results, names, linear=None):
     return fig
 
 
-def modes(grid, results, names):
+def modes(flown, names):
     """Draw the mean mode probabilities of both sub-filters (figure 6)."""
     fig, axes = _axes()
     for model, axis in enumerate(axes):
         for name in names:
-            modes_ = [scores.mode(m, model) for m in results[name]]
-            plots.band(axis, grid, modes_, name, **style(name))
+            curve = flown.curve(lambda m, k=model: scores.mode(m, k), name)
+            plots.band(axis, flown.grid, curve, name, **style(name))
         axis.set(xlabel=SIGMA, ylabel=f"probability of sub-filter {model + 1}")
         axis.set(ylim=(0, 1), title="(a)" if model == 0 else "(b)")
-        axis.legend(fontsize=7)
+        plots.legend(axis)
     return fig
 
 
-def rates(grid, results, panels):
+def rates(flown, panels):
     """Draw TCEP rates with bands; `panels` maps a title to the names of its curves."""
+    panels = panels or {"nothing was run": []}
     fig, axes = plt.subplots(
         1, len(panels), figsize=(5.0 * len(panels), 3.6), squeeze=False, sharey=True
     )
-    pure, best = results["pure navigation"], results["optimal EKF"]
     for axis, (title, names) in zip(axes[0], panels.items(), strict=True):
         for k, name in enumerate(names):
-            one = [scores.rate(*three) for three in zip(results[name], pure, best, strict=True)]
-            style = {"color": f"C{k}", "marker": "osD^vPX*"[k % 8], "markersize": 4}
-            plots.band(axis, grid, one, name, **style)
+            look = {"color": f"C{k}", "marker": "osD^vPX*"[k % 8], "markersize": 4}
+            plots.band(axis, flown.grid, flown.rates(name), name, **look)
         axis.axhline(90, color="0.6", lw=0.8, ls=":")
         axis.set(xlabel=SIGMA, ylabel="TCEP rate (%)", title=title)
-        axis.legend(fontsize=7)
+        plots.legend(axis)
     return fig
 
 

@@ -26,13 +26,16 @@ LONGEST = 21_600  # s
 TURN_RATE = 0.2  # rad/s
 TURN_TIME = 1.0  # s
 
-_POSITIVE = Number(above=0)
-_SIGMAS = List(Number(above=0, at_most=100), at_most=32, distinct=True)
+# Far beyond any sensor, and well inside what double precision tells apart.
+_SENSOR = Number(at_least=1e-6, at_most=100)
+_SIGMA = Number(at_least=1e-3, at_most=10)
+_TRUE = List(_SIGMA, at_most=32, distinct=True)
+_FILTER = List(_SIGMA, at_most=6, distinct=True)
 _START = {"origin": "derived", "note": "near-perfect start, chosen by looking at Tables 2 and 3"}
 
 
-def _ascending(name, value):
-    return tuple(sorted(_SIGMAS(name, value)))
+def _ascending(kind):
+    return lambda name, value: tuple(sorted(kind(name, value)))
 
 
 @attrs.frozen(kw_only=True)
@@ -66,47 +69,55 @@ class Scenario(Parameters):
         note="one lap; explains Tables 2 and 3, chosen by looking at them",
     )
     corner_radius: float = parameter(
-        300.0, _POSITIVE, unit="m", origin="derived", note="as the trajectory; of little effect"
+        300.0,
+        Number(above=0),
+        unit="m",
+        origin="derived",
+        note="as the trajectory; of little effect",
     )
     sides: int = parameter(4, Integer(3, 100), origin="assumed", note="of a polygon or of laps")
     laps: int = parameter(1, Integer(1, 100), origin="assumed", note='of "laps"')
     accelerometer_bias_mg: float = parameter(
         0.05,
-        _POSITIVE,
+        _SENSOR,
         unit="mg",
         origin="text",
         note="Table 1; 1 sigma per run and axis: assumed",
     )
     accelerometer_noise_mg: float = parameter(
-        0.01, _POSITIVE, unit="mg/√Hz", origin="text", note="Table 1"
+        0.01, _SENSOR, unit="mg/√Hz", origin="text", note="Table 1"
     )
     gyro_bias_deg_h: float = parameter(
         0.02,
-        _POSITIVE,
+        _SENSOR,
         unit="deg/h",
         origin="text",
         note="Table 1; 1 sigma per run and axis: assumed",
     )
     gyro_noise_deg_sqrt_h: float = parameter(
-        0.005, _POSITIVE, unit="deg/√h", origin="text", note="Table 1"
+        0.005, _SENSOR, unit="deg/√h", origin="text", note="Table 1"
     )
     log_noise: float = parameter(
-        0.01, Number(at_least=1e-6), unit="m/s", origin="text", note="Table 1"
+        0.01, Number(at_least=1e-4, at_most=10), unit="m/s", origin="text", note="Table 1"
     )
     log_axes: int = parameter(1, Choice((1, 3)), origin="text", note="forward axis, or all of b")
     correlation_time_s: float = parameter(
-        7200.0, _POSITIVE, unit="s", origin="text", note="of the filters; of the truth: assumed"
+        7200.0,
+        Number(at_least=1, at_most=1e7),
+        unit="s",
+        origin="text",
+        note="of the filters; of the truth: assumed",
     )
     sigma_true: tuple = parameter(
         (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0),
-        _ascending,
+        _ascending(_TRUE),
         unit="m/s",
         origin="assumed",
         note="the grid; its ends: text",
     )
     sigma_filter: tuple = parameter(
         (0.1, 0.5, 1.0),
-        List(Number(above=0, at_most=100), at_most=6, distinct=True),
+        _ascending(_FILTER),
         unit="m/s",
         origin="text",
     )
@@ -119,10 +130,18 @@ class Scenario(Parameters):
     initial_errors: str = parameter(
         "none", Choice(("none", "drawn")), origin="derived", note="drawn: from the next four"
     )
-    initial_position_m: float = parameter(1.0, _POSITIVE, unit="m", **_START)
-    initial_velocity: float = parameter(1e-3, _POSITIVE, unit="m/s", **_START)
-    initial_tilt_rad: float = parameter(1e-6, Number(above=0, at_most=0.01), unit="rad", **_START)
-    initial_heading_rad: float = parameter(1e-6, Number(above=0, at_most=0.1), unit="rad", **_START)
+    initial_position_m: float = parameter(
+        1.0, Number(at_least=1e-3, at_most=1e4), unit="m", **_START
+    )
+    initial_velocity: float = parameter(
+        1e-3, Number(at_least=1e-6, at_most=10), unit="m/s", **_START
+    )
+    initial_tilt_rad: float = parameter(
+        1e-6, Number(at_least=1e-9, at_most=0.1), unit="rad", **_START
+    )
+    initial_heading_rad: float = parameter(
+        1e-6, Number(at_least=1e-9, at_most=0.5), unit="rad", **_START
+    )
     fading_form: str = parameter(
         "sigma",
         Choice(tuple(fading.FORMS)),
@@ -131,7 +150,10 @@ class Scenario(Parameters):
     )
     fading_window: int = parameter(20, Integer(2, 1000), origin="text", note="residuals, M")
     fading_cap: float = parameter(
-        10.0, Number(at_least=1.0), origin="assumed", note="largest factor; bounds the start"
+        10.0,
+        Number(at_least=1.0, at_most=1e6),
+        origin="assumed",
+        note="largest factor; bounds the start",
     )
     transition: tuple = parameter(
         ((0.9, 0.1), (0.1, 0.9)),

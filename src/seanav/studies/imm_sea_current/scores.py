@@ -11,6 +11,7 @@ from seanav.estimates import Estimate, Statistic, rms
 COLUMNS = ("position_m", "velocity_m_s", "levelling_deg", "heading_deg")
 
 
+LOST = 1e7  # m: a filter that is farther off than from pole to equator has diverged
 TCEP = 0.589  # of the sum of the two RMS, equation (27)
 
 
@@ -30,6 +31,13 @@ def position_rms(flight) -> float:
     """Return the RMS position error in metres, infinite for a filter that blew up."""
     value = float(np.sqrt(squares(flight)[0].mean()))
     return value if np.isfinite(value) else float("inf")
+
+
+def diverged(flight) -> bool:
+    """Return whether a filter lost the vehicle or its own numbers, in any run."""
+    numbers = (*flight.mean_squares, flight.nis, flight.nees, flight.beta, flight.mode_probability)
+    finite = all(np.isfinite(part).all() for part in numbers)
+    return not (finite and position_rms(flight) < LOST)
 
 
 def _tcep(flight) -> Statistic:

@@ -1,0 +1,75 @@
+"""Every cell of a notebook runs to its end, far from the paper's settings."""
+
+import json
+import re
+import warnings
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+
+NOTEBOOKS = Path(__file__).resolve().parents[2] / "notebooks"
+
+# Every option of every choice, and lists of one entry, unsorted, and off the printed points.
+IMM = {"runs": 2, "duration_s": 600.0}
+CASES = {
+    ("4_imm_sea_current", "literal"): IMM
+    | {"fading_form": "literal", "sigma_filter": [0.5], "trajectory": "circle", "log_axes": 3},
+    ("4_imm_sea_current", "literal-gain"): IMM
+    | {
+        "fading_form": "literal-gain",
+        "sigma_filter": [0.5, 0.1],
+        "sigma_true": [0.7, 0.3],
+        "trajectory": "straight",
+        "initial_current": "stationary",
+        "fading_cap": 1e6,
+    },
+    ("4_imm_sea_current", "block"): IMM
+    | {
+        "fading_form": "block",
+        "sigma_filter": [0.2, 0.6, 0.9],
+        "sigma_true": [1.0, 0.05, 0.5],
+        "trajectory": "polygon",
+        "sides": 3,
+        "initial_errors": "drawn",
+        "initial_tilt_rad": 0.1,
+    },
+    ("4_imm_sea_current", "variance"): IMM
+    | {
+        "fading_form": "variance",
+        "sigma_true": [0.5],
+        "trajectory": "laps",
+        "laps": 2,
+        "corner_radius": 100.0,
+    },
+    ("4_imm_sea_current", "none"): IMM
+    | {"fading_form": "none", "duration_s": 60.0, "corner_radius": 60.0},
+}
+
+
+@pytest.mark.parametrize(("stem", "case"), CASES)
+def test_every_cell_runs(stem, case, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("SEANAV_RESULTS", str(tmp_path))
+    save = Figure.savefig
+
+    def coarse(figure, file, **options):
+        if options.get("format") == "png":
+            save(figure, file, **{**options, "dpi": 20})
+
+    monkeypatch.setattr(Figure, "savefig", coarse)
+    names = {"__name__": "notebook"}
+    text = (NOTEBOOKS / f"{stem}.ipynb").read_text("utf-8")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # what a cell writes to stderr
+        for cell in (c for c in json.loads(text)["cells"] if c["cell_type"] == "code"):
+            exec("".join(cell["source"]), names)
+            if "parameters" in cell["metadata"].get("tags", ()):
+                names |= CASES[stem, case]
+    printed = capsys.readouterr().out
+    assert not re.search(r"\b(nan|inf)\b", printed), printed
+    claims = json.loads((tmp_path / stem / "claims.json").read_text("utf-8"))
+    for claim in claims.values():
+        if claim["verdict"] == "cannot be tested":
+            assert re.search("was not run|diverged|never falls|nothing of what", claim["basis"])
+    if case.startswith("literal"):
+        assert "diverged" in printed
