@@ -22,30 +22,48 @@ SOMIGLIANA = 1.931852652458e-3  # k of the closed formula of normal gravity
 
 
 @kernel
-def radii(latitude):
-    """Return the meridian and transverse radii of curvature R_n, R_t (m)."""
-    s = math.sin(latitude)
-    w = 1.0 - ECCENTRICITY_SQUARED * s * s
-    R_t = SEMI_MAJOR / math.sqrt(w)
+def radii_at(sine):
+    """Return R_n and R_t (m) as `radii`, from the sine of the latitude."""
+    w = 1.0 - ECCENTRICITY_SQUARED * sine * sine
+    R_t = SEMI_MAJOR / np.sqrt(w)
     return R_t * (1.0 - ECCENTRICITY_SQUARED) / w, R_t
+
+
+@kernel
+def radii(latitude):
+    """Return the meridian and transverse radii of curvature R_n, R_t (m).
+
+    `latitude` (rad) is a number or an array of any shape, in a kernel or outside; the radii
+    have its shape.
+    """
+    return radii_at(np.sin(latitude))
+
+
+@kernel
+def slopes_at(sine, cosine, R_n, R_t):
+    """Return dR_n/dL and dR_t/dL (m/rad), from sine and cosine of the latitude and the radii."""
+    w = 1.0 - ECCENTRICITY_SQUARED * sine * sine
+    R_nn = 3.0 * R_n * ECCENTRICITY_SQUARED * sine * cosine / w
+    return R_nn, R_t * ECCENTRICITY_SQUARED * sine * cosine / w
 
 
 @kernel
 def radii_slopes(latitude):
     """Return dR_n/dL and dR_t/dL (m/rad), called R_nn and R_tt in equation (A1)."""
-    s, c = math.sin(latitude), math.cos(latitude)
-    w = 1.0 - ECCENTRICITY_SQUARED * s * s
-    e2 = ECCENTRICITY_SQUARED
-    R_nn = 3.0 * SEMI_MAJOR * (1.0 - e2) * e2 * s * c / w**2.5
-    return R_nn, SEMI_MAJOR * e2 * s * c / w**1.5
+    s, c = np.sin(latitude), np.cos(latitude)
+    R_n, R_t = radii_at(s)
+    return slopes_at(s, c, R_n, R_t)
 
 
 @kernel
 def gravity(latitude, height):
-    """Return normal gravity (m/s²): Somigliana's formula, linear in the height (m)."""
-    s = math.sin(latitude)
+    """Return normal gravity (m/s²): Somigliana's formula, linear in the height (m).
+
+    `latitude` (rad) and `height` are numbers or arrays.
+    """
+    s = np.sin(latitude)
     surface = GRAVITY_EQUATOR * (1.0 + SOMIGLIANA * s * s)
-    surface /= math.sqrt(1.0 - ECCENTRICITY_SQUARED * s * s)
+    surface = surface / np.sqrt(1.0 - ECCENTRICITY_SQUARED * s * s)
     return surface * (1.0 - 2.0 * height / SEMI_MAJOR)
 
 

@@ -400,7 +400,7 @@ def fly(scenario, sensors, filter_, sigma_true, *, runs=LANES, stride=0):
     if stride:
         bias = np.broadcast_to(sensors.bias, (steps // stride, 6, LANES))
         rest = np.concatenate([bias, current[stride - 1 :: stride]], axis=1)
-    means, series, P = ins.fly(
+    flight = ins.fly(
         sensors.theta,
         sensors.dv,
         z,
@@ -422,7 +422,17 @@ def fly(scenario, sensors, filter_, sigma_true, *, runs=LANES, stride=0):
         stride=stride,
         true_rest=rest,
     )
-    return Mission(means[:, :runs], series[..., :runs], P[..., :runs])
+    return _mission(flight.runs(runs))
+
+
+def _mission(flight):
+    rows = (flight.nis, flight.nees, flight.beta, flight.squared_nis)
+    series = flight.series
+    return Mission(
+        np.stack([*flight.mean_squares, *rows, *flight.mode_probability]),
+        np.concatenate([series.errors, series.nees[:, None], series.mode_probability], axis=1),
+        flight.P,
+    )
 
 
 def _start(path):
