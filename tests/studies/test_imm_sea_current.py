@@ -12,7 +12,7 @@ from scipy import stats
 from seanav import montecarlo
 from seanav.checks import ParameterError
 from seanav.filters import ins
-from seanav.filters.ins import each_array
+from seanav.filters.ins.score import each_array
 from seanav.models import currents, earth, inertial
 from seanav.studies.imm_sea_current import appendix, beyond, linear, printed, run, scores
 from seanav.studies.imm_sea_current.scenario import Scenario

@@ -80,8 +80,8 @@ def probabilities(predicted, logs, mu):
 
 
 @kernel
-def mix(weights, deviations, P, mean, covariance, centred):
-    """Return one Gaussian with the moments of a mixture, equations (22) and (26).
+def mean(weights, deviations, out):
+    """Put the weighted mean of the models' states, equation (26), into `out` (size, runs).
 
     Parameters
     ----------
@@ -89,26 +89,39 @@ def mix(weights, deviations, P, mean, covariance, centred):
         Sum to one over the models.
     deviations : (models, size, runs)
         States of the models, as deviations from any common point.
+    """
+    models, size, runs = deviations.shape
+    for k in range(size):
+        for r in range(runs):
+            out[k, r] = weights[0, r] * deviations[0, k, r]
+        for i in range(1, models):
+            for r in range(runs):
+                out[k, r] += weights[i, r] * deviations[i, k, r]
+
+
+@kernel
+def mix(weights, deviations, P, out, covariance, centred):
+    """Return one Gaussian with the moments of a mixture, equations (22) and (26).
+
+    Parameters
+    ----------
+    weights, deviations
+        As in `mean`.
     P : (models, size (size + 1) / 2, runs)
         Covariances, upper triangles row by row.
-    mean : (size, runs), output
+    out : (size, runs), output
         Deviation of the mixture's mean from that point.
     covariance : (size (size + 1) / 2, runs), output
     centred : (size, runs)
         Workspace.
     """
     models, size, runs = deviations.shape
-    for k in range(size):
-        for r in range(runs):
-            mean[k, r] = weights[0, r] * deviations[0, k, r]
-        for i in range(1, models):
-            for r in range(runs):
-                mean[k, r] += weights[i, r] * deviations[i, k, r]
+    mean(weights, deviations, out)
     covariance[:] = 0.0
     for i in range(models):
         for k in range(size):
             for r in range(runs):
-                centred[k, r] = deviations[i, k, r] - mean[k, r]
+                centred[k, r] = deviations[i, k, r] - out[k, r]
         at = np.uint64(0)  # unsigned: the compiler then vectorises over runs
         for k in range(size):
             for m in range(k, size):

@@ -1,4 +1,9 @@
-"""Rotations: cross-product matrices, rotation vectors, direction cosine matrices.
+"""Rotations: quaternions for the kernels, matrices for everything else.
+
+The kernels take and return tuples of numbers, a vector as (x, y, z) and a unit quaternion
+as (w, x, y, z): such tuples vanish when a kernel is compiled into its caller, so a loop
+over runs stays as fast as the products written out. The quaternion of C_bn turns body axes
+into n; the product p q means first q, then p.
 
 Source: Titterton and Weston, *Strapdown Inertial Navigation Technology*, 2nd ed., IET,
 2004, chapters 3 and 11.
@@ -7,14 +12,133 @@ Source: Titterton and Weston, *Strapdown Inertial Navigation Technology*, 2nd ed
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from seanav._compile import kernel
+
+# ---------------------------------------------------------------- kernels, numbers in tuples
 
 
-def skew(a):
+@kernel
+def dot(a, b):
+    """Return a · b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def cross(a, b):
+    """Return a × b."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@kernel
+def plus_cross(v, a, b):
+    """Return v + a × b, added from left to right."""
+    return (
+        v[0] + a[1] * b[2] - a[2] * b[1],
+        v[1] + a[2] * b[0] - a[0] * b[2],
+        v[2] + a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@kernel
+def multiply(p, q):
+    """Return the quaternion product p q."""
+    return (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[1] * q[0] + p[0] * q[1] + p[2] * q[3] - p[3] * q[2],
+        p[2] * q[0] + p[0] * q[2] + p[3] * q[1] - p[1] * q[3],
+        p[3] * q[0] + p[0] * q[3] + p[1] * q[2] - p[2] * q[1],
+    )
+
+
+@kernel
+def conjugate(q):
+    """Return the quaternion of the inverse rotation."""
+    return q[0], -q[1], -q[2], -q[3]
+
+
+@kernel
+def rotate(q, v):
+    """Return C v with C the matrix of `q`: v + 2 u × (u × v + w v), where q = (w, u)."""
+    u = (q[1], q[2], q[3])
+    inner = cross(u, v)
+    inner = inner[0] + q[0] * v[0], inner[1] + q[0] * v[1], inner[2] + q[0] * v[2]
+    outer = cross(u, inner)
+    return v[0] + 2.0 * outer[0], v[1] + 2.0 * outer[1], v[2] + 2.0 * outer[2]
+
+
+@kernel
+def from_rotation_vector(theta):
+    """Return the quaternion of a rotation vector (rad): a series, for at most some 0.1 rad.
+
+    The first terms left out are theta⁶ / 46080 and theta⁷ / 645120.
+    """
+    square = dot(theta, theta)
+    half = 0.5 - square / 48.0 + square * square / 3840.0
+    w = 1.0 - square / 8.0 + square * square / 384.0
+    return w, half * theta[0], half * theta[1], half * theta[2]
+
+
+@kernel
+def from_small_rotation(theta):
+    """Return the quaternion of a rotation vector of some milliradians, as of a fast interval.
+
+    The first term left out is theta⁵ / 3840, below rounding there.
+    """
+    square = dot(theta, theta)
+    half = 0.5 - square / 48.0
+    w = 1.0 - square / 8.0 + square * square / 384.0
+    return w, half * theta[0], half * theta[1], half * theta[2]
+
+
+@kernel
+def from_half_angles(half):
+    """Return the quaternion of the tiny rotation vector 2 `half`, to second order."""
+    return 1.0 - 0.5 * dot(half, half), half[0], half[1], half[2]
+
+
+@kernel
+def rotation_vector(q):
+    """Return the rotation vector (rad) of a quaternion, the shorter way round for w ≥ 0."""
+    vector = (q[1], q[2], q[3])
+    sine = math.sqrt(dot(vector, vector))
+    scale = 2.0 * math.atan2(sine, q[0]) / sine if sine > 1e-12 else 2.0
+    return scale * vector[0], scale * vector[1], scale * vector[2]
+
+
+@kernel
+def column(q, axis):
+    """Return a column of the matrix of `q`: in n, the unit vector of body axis 0, 1 or 2."""
+    w, x, y, z = q
+    if axis == 0:
+        return 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
+    if axis == 1:
+        return 2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)
+    return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+@kernel
+def normalise(q):
+    """Return `q` at length one: one Newton step, enough for a length off by rounding."""
+    w, x, y, z = q
+    scale = 1.5 - 0.5 * (w * w + x * x + y * y + z * z)
+    return w * scale, x * scale, y * scale, z * scale
+
+
+# ---------------------------------------------------------------- matrices
+
+
+def skew(a: ArrayLike) -> np.ndarray:
     """Return [a×], shape (3, 3), so that skew(a) @ b = a × b."""
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
 
-def exp_so3(rotation):
+def exp_so3(rotation: ArrayLike) -> np.ndarray:
     """Return the rotation matrix of a rotation vector (3,), rad: Rodrigues' formula."""
     angle = math.sqrt(float(np.dot(rotation, rotation)))
     K = skew(rotation)
@@ -23,7 +147,7 @@ def exp_so3(rotation):
     return np.eye(3) + math.sin(angle) / angle * K + (1 - math.cos(angle)) / angle**2 * K @ K
 
 
-def C_bn_from_rpy(rpy):
+def C_bn_from_rpy(rpy: ArrayLike) -> np.ndarray:
     """Return C_bn (3, 3), body to NED, from roll, pitch and yaw (rad)."""
     (sr, sp, sy), (cr, cp, cy) = np.sin(rpy), np.cos(rpy)
     return np.array(
@@ -35,7 +159,7 @@ def C_bn_from_rpy(rpy):
     )
 
 
-def attitude_error(C_bn_estimate, C_bn):
+def attitude_error(C_bn_estimate: ArrayLike, C_bn: ArrayLike) -> np.ndarray:
     """Return phi (3,), rad, of C(q̂) = (I − [φ×]) C(q), to first order (paper equation (8))."""
     D = np.asarray(C_bn_estimate) @ np.asarray(C_bn).T
     return 0.5 * np.array([D[1, 2] - D[2, 1], D[2, 0] - D[0, 2], D[0, 1] - D[1, 0]])

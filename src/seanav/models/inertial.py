@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seanav._compile import kernel
-from seanav.models import earth
+from seanav.models import attitude, earth
 from seanav.models.attitude import skew
 
 STATES = 18
@@ -127,51 +127,42 @@ def preintegrate(rotation, velocity, per_step, theta, dv):
     then exact composition: dv accumulates through the rotation matrix, which is kept as a
     quaternion and turned into a rotation vector at the end.
     """
-    steps = theta.shape[0]
-    for step in range(steps):
-        w, x, y, z = 1.0, 0.0, 0.0, 0.0
-        sx = sy = sz = 0.0
-        for k in range(step * per_step, (step + 1) * per_step):
-            ax, ay, az = rotation[k, 0], rotation[k, 1], rotation[k, 2]
-            ux, uy, uz = velocity[k, 0], velocity[k, 1], velocity[k, 2]
-            j = k - 1 if k > 0 else 0
-            bx, by, bz = rotation[j, 0], rotation[j, 1], rotation[j, 2]
-            px, py, pz = velocity[j, 0], velocity[j, 1], velocity[j, 2]
-            # Rotation vector of this fast interval: sum and coning.
-            tx = ax + (by * az - bz * ay) / 12.0
-            ty = ay + (bz * ax - bx * az) / 12.0
-            tz = az + (bx * ay - by * ax) / 12.0
-            # Velocity increment in the axes at its start: rotation and sculling.
-            cx, cy, cz = ay * uz - az * uy, az * ux - ax * uz, ax * uy - ay * ux
-            dx = ux + 0.5 * cx + (ay * cz - az * cy) / 6.0
-            dy = uy + 0.5 * cy + (az * cx - ax * cz) / 6.0
-            dz = uz + 0.5 * cz + (ax * cy - ay * cx) / 6.0
-            dx += (by * uz - bz * uy + py * az - pz * ay) / 12.0
-            dy += (bz * ux - bx * uz + pz * ax - px * az) / 12.0
-            dz += (bx * uy - by * ux + px * ay - py * ax) / 12.0
-            # s += C d, with d rotated by the quaternion: d + 2 q × (q × d + w d).
-            ex, ey, ez = (
-                y * dz - z * dy + w * dx,
-                z * dx - x * dz + w * dy,
-                x * dy - y * dx + w * dz,
-            )
-            sx += dx + 2.0 * (y * ez - z * ey)
-            sy += dy + 2.0 * (z * ex - x * ez)
-            sz += dz + 2.0 * (x * ey - y * ex)
-            square = tx * tx + ty * ty + tz * tz
-            half = 0.5 - square / 48.0
-            c = 1.0 - square / 8.0 + square * square / 384.0
-            tx, ty, tz = half * tx, half * ty, half * tz
-            w, x, y, z = (
-                w * c - x * tx - y * ty - z * tz,
-                x * c + w * tx + y * tz - z * ty,
-                y * c + w * ty + z * tx - x * tz,
-                z * c + w * tz + x * ty - y * tx,
-            )
-        sine = math.sqrt(x * x + y * y + z * z)
-        scale = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
-        theta[step, 0], theta[step, 1], theta[step, 2] = scale * x, scale * y, scale * z
-        dv[step, 0], dv[step, 1], dv[step, 2] = sx, sy, sz
+    for step in range(theta.shape[0]):
+        q, total = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        first = step * per_step
+        b, p = _vector(rotation, max(first - 1, 0)), _vector(velocity, max(first - 1, 0))
+        for k in range(first, first + per_step):
+            a, u = _vector(rotation, k), _vector(velocity, k)
+            turn, d = _corrected(a, u, b, p)
+            b, p = a, u
+            felt = attitude.rotate(q, d)
+            total = total[0] + felt[0], total[1] + felt[1], total[2] + felt[2]
+            q = attitude.multiply(q, attitude.from_small_rotation(turn))
+        theta[step, 0], theta[step, 1], theta[step, 2] = attitude.rotation_vector(q)
+        dv[step, 0], dv[step, 1], dv[step, 2] = total
+
+
+@kernel
+def _vector(rows, k):
+    return rows[k, 0], rows[k, 1], rows[k, 2]
+
+
+@kernel
+def _corrected(a, u, b, p):
+    """Return rotation vector and velocity increment of a fast interval, in its first axes.
+
+    `a`, `u` are the integrals of angular rate and specific force over it, `b`, `p` those of
+    the interval before: the sums alone miss coning, rotation and sculling.
+    """
+    coning = attitude.cross(b, a)
+    turn = a[0] + coning[0] / 12.0, a[1] + coning[1] / 12.0, a[2] + coning[2] / 12.0
+    once = attitude.cross(a, u)
+    twice = attitude.cross(a, once)
+    d0 = u[0] + 0.5 * once[0] + twice[0] / 6.0
+    d1 = u[1] + 0.5 * once[1] + twice[1] / 6.0
+    d2 = u[2] + 0.5 * once[2] + twice[2] / 6.0
+    sculling = attitude.plus_cross(attitude.cross(b, u), p, a)
+    return turn, (d0 + sculling[0] / 12.0, d1 + sculling[1] / 12.0, d2 + sculling[2] / 12.0)
 
 
 def sensor_increments(trajectory, errors, generator, initial_bias, *, rate=100):
@@ -211,7 +202,7 @@ def sensor_increments(trajectory, errors, generator, initial_bias, *, rate=100):
 
 @kernel
 def advance(latitude, height, v_N, v_E, q, theta, dv, dt):
-    """Advance one interval in place of `q`; return latitude and longitude rates and velocity.
+    """Advance one interval.
 
     Parameters
     ----------
@@ -219,39 +210,34 @@ def advance(latitude, height, v_N, v_E, q, theta, dv, dt):
         rad, m.
     v_N, v_E : float
         m/s; the vertical velocity is held at zero.
-    q : (4,), changed
+    q : 4 floats
         Quaternion body to n, scalar first.
-    theta, dv : (3,)
+    theta, dv : 3 floats
         Rotation vector (rad) and velocity increment (m/s) in the body axes at the start.
     dt : float
         s.
 
     Returns
     -------
-    dlatitude, dlongitude, v_N, v_E, f_N, f_E, f_D
-        Steps of the position (rad), new velocity and mean specific force in n (m/s²).
+    dlatitude, dlongitude : float
+        Steps of the position, rad.
+    v_N, v_E, q
+        At the end of the interval.
+    f_n : 3 floats
+        Mean specific force in n, m/s².
     """
     s, c = math.sin(latitude), math.cos(latitude)
-    w2 = 1.0 - earth.ECCENTRICITY_SQUARED * s * s
-    R_t = earth.SEMI_MAJOR / math.sqrt(w2)
-    R_n = R_t * (1.0 - earth.ECCENTRICITY_SQUARED) / w2
+    R_n, R_t = earth.radii_at(s)
     M, T, t = R_n + height, R_t + height, s / c
-    # Specific force in n, the n axes turned half a step.
-    qw, qx, qy, qz = q[0], q[1], q[2], q[3]
-    ex = qy * dv[2] - qz * dv[1] + qw * dv[0]
-    ey = qz * dv[0] - qx * dv[2] + qw * dv[1]
-    ez = qx * dv[1] - qy * dv[0] + qw * dv[2]
-    aN = dv[0] + 2.0 * (qy * ez - qz * ey)
-    aE = dv[1] + 2.0 * (qz * ex - qx * ez)
-    aD = dv[2] + 2.0 * (qx * ey - qy * ex)
     # Velocity half-way, from the force alone: the Coriolis terms only need it roughly.
-    mN, mE = v_N + 0.5 * aN, v_E + 0.5 * aE
+    a = attitude.rotate(q, dv)
+    mN, mE = v_N + 0.5 * a[0], v_E + 0.5 * a[1]
     oN, oD = earth.RATE * c, -earth.RATE * s
     rN, rE, rD = mE / T, -mN / M, -mE / T * t
+    # Half the turn of the n axes: the specific force is felt on average half-way through it.
     hN, hE, hD = 0.5 * dt * (oN + rN), 0.5 * dt * rE, 0.5 * dt * (oD + rD)
-    fN = aN - (hE * aD - hD * aE)
-    fE = aE - (hD * aN - hN * aD)
-    fD = aD - (hN * aE - hE * aN)
+    turned = attitude.cross((hN, hE, hD), a)
+    fN, fE, fD = a[0] - turned[0], a[1] - turned[1], a[2] - turned[2]
     nN = v_N + fN + dt * (2.0 * oD + rD) * mE
     nE = v_E + fE - dt * (2.0 * oD + rD) * mN
     dL = 0.5 * dt * (v_N + nN) / M
@@ -259,23 +245,9 @@ def advance(latitude, height, v_N, v_E, q, theta, dv, dt):
     middle = c - 0.5 * dL * (s + 0.25 * dL * c)
     dlongitude = 0.5 * dt * (v_E + nE) / (T * middle)
     # q <- exp(-omega_in dt) q exp(theta)
-    square = theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2]
-    half = 0.5 - square / 48.0 + square * square / 3840.0
-    bw = 1.0 - square / 8.0 + square * square / 384.0
-    bx, by, bz = half * theta[0], half * theta[1], half * theta[2]
-    pw = qw * bw - qx * bx - qy * by - qz * bz
-    px = qx * bw + qw * bx + qy * bz - qz * by
-    py = qy * bw + qw * by + qz * bx - qx * bz
-    pz = qz * bw + qw * bz + qx * by - qy * bx
-    nw = 1.0 - 0.5 * (hN * hN + hE * hE + hD * hD)
-    qw = nw * pw + hN * px + hE * py + hD * pz
-    qx = nw * px - hN * pw - hE * pz + hD * py
-    qy = nw * py - hE * pw - hD * px + hN * pz
-    qz = nw * pz - hD * pw - hN * py + hE * px
-    # One Newton step from length one: enough for a length off by rounding.
-    length = 1.5 - 0.5 * (qw * qw + qx * qx + qy * qy + qz * qz)
-    q[0], q[1], q[2], q[3] = qw * length, qx * length, qy * length, qz * length
-    return dL, dlongitude, nN, nE, fN / dt, fE / dt, fD / dt
+    q = attitude.multiply(q, attitude.from_rotation_vector(theta))
+    q = attitude.multiply(attitude.from_half_angles((-hN, -hE, -hD)), q)
+    return dL, dlongitude, nN, nE, attitude.normalise(q), (fN / dt, fE / dt, fD / dt)
 
 
 @kernel
@@ -298,18 +270,14 @@ def mechanise(position, v_n, q, theta, dv, dt, track):
         Latitude, longitude, v_N, v_E, quaternion.
     """
     latitude, longitude, v_N, v_E = position[0], position[1], v_n[0], v_n[1]
-    attitude = q.copy()
+    q_bn = (q[0], q[1], q[2], q[3])
     for step in range(theta.shape[0] + 1):
-        track[step, 0], track[step, 1], track[step, 2], track[step, 3] = (
-            latitude,
-            longitude,
-            v_N,
-            v_E,
-        )
-        track[step, 4:] = attitude
+        row = track[step]
+        row[0], row[1], row[2], row[3] = latitude, longitude, v_N, v_E
+        row[4], row[5], row[6], row[7] = q_bn
         if step < theta.shape[0]:
-            dL, dlongitude, v_N, v_E, _, _, _ = advance(
-                latitude, position[2], v_N, v_E, attitude, theta[step], dv[step], dt
+            dL, dlongitude, v_N, v_E, q_bn, _ = advance(
+                latitude, position[2], v_N, v_E, q_bn, _vector(theta, step), _vector(dv, step), dt
             )
             latitude += dL
             longitude += dlongitude

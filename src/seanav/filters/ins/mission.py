@@ -1,0 +1,331 @@
+"""Missions: one EKF, or the IMM of several, flown for a batch of runs.
+
+The cycle of one second is the loop of `_mission`: interact, predict, adapt, update, combine,
+score. `seanav.filters.ins.reference` is the same for one run in plain numpy.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from seanav._compile import kernel
+from seanav.checks import ParameterError, array, choice, integer, number
+from seanav.filters import fading, imm
+from seanav.filters.ins.layout import (
+    B_A,
+    COEFFICIENTS,
+    LANES,
+    NOMINAL,
+    PACKED,
+    QUATERNION,
+    TRUTH,
+    WORKSPACE,
+    N,
+)
+from seanav.filters.ins.predict import predict_covariance, predict_state
+from seanav.filters.ins.score import (
+    Flight,
+    empty_series,
+    empty_sums,
+    flight,
+    record,
+    score,
+)
+from seanav.filters.ins.states import difference, shift
+from seanav.filters.ins.update import LINEARISED, adapt, empty_look, update
+
+DT = 1.0  # s
+
+
+class Settings(NamedTuple):
+    """Numbers of a mission, see `fly`."""
+
+    models: int
+    height: float
+    dt: float
+    R: float
+    window: int
+    cap: float
+    velocity_noise: float
+    attitude_noise: float
+    aided: bool
+    about: int
+    stride: int
+
+
+class Sensors(NamedTuple):
+    """What is sensed: see `fly`."""
+
+    theta: np.ndarray
+    dv: np.ndarray
+    z: np.ndarray
+
+
+class Truth(NamedTuple):
+    """What is true: see `fly`; `rest` is there called `true_rest`."""
+
+    states: np.ndarray
+    rest: np.ndarray
+
+
+class Models(NamedTuple):
+    """Models of the current: decay, process noise variance, fading form; their chain T."""
+
+    decay: np.ndarray
+    variance: np.ndarray
+    forms: np.ndarray
+    T: np.ndarray
+
+
+class Filters(NamedTuple):
+    """The filters of all models: states, packed covariances, mode probabilities."""
+
+    x: np.ndarray  # (models, 17, LANES)
+    P: np.ndarray  # (models, 136, LANES)
+    mu: np.ndarray  # (models, LANES)
+
+
+class Mixing(NamedTuple):
+    """Workspace of the IMM."""
+
+    predicted: np.ndarray  # (models, LANES), mode probabilities
+    weights: np.ndarray  # (models, models, LANES)
+    deviations: np.ndarray  # (models, 16, LANES), of the models' states from a common point
+    mean: np.ndarray  # (16, LANES)
+    centred: np.ndarray  # (16, LANES)
+    P: np.ndarray  # (models, 136, LANES)
+
+
+class Work(NamedTuple):
+    """Workspace of one step."""
+
+    f: np.ndarray  # coefficients of F
+    covariance: np.ndarray
+    rings: np.ndarray  # (models, window + 3, LANES), see `update.adapt`
+    beta: np.ndarray  # (models, LANES)
+    gain: np.ndarray  # (LANES,)
+    nis: np.ndarray  # (models, LANES)
+    logs: np.ndarray  # (models, LANES), log likelihoods
+    e: np.ndarray  # (16, LANES)
+    true_state: np.ndarray  # (17, LANES)
+    best: np.ndarray  # (17, LANES), combined estimate
+
+
+@kernel
+def _workspace(models, window):
+    # Made in a kernel: numba aligns arrays for vectors, numpy does not.
+    mixing = Mixing(
+        np.zeros((models, LANES)),
+        np.zeros((models, models, LANES)),
+        np.zeros((models, N, LANES)),
+        np.zeros((N, LANES)),
+        np.zeros((N, LANES)),
+        np.zeros((models, PACKED, LANES)),
+    )
+    work = Work(
+        np.zeros(COEFFICIENTS * LANES),
+        np.zeros(WORKSPACE),
+        np.zeros((models, window + 3, LANES)),
+        np.ones((models, LANES)),
+        np.ones(LANES),
+        np.zeros((models, LANES)),
+        np.zeros((models, LANES)),
+        np.zeros((N, LANES)),
+        np.zeros((NOMINAL, LANES)),
+        np.zeros((NOMINAL, LANES)),
+    )
+    return mixing, empty_look(), work
+
+
+# ---------------------------------------------------------------- the IMM around the filters
+
+
+@kernel
+def _deviate(x, best, deviations):
+    """Write the states of all models as deviations from the first model's, left in `best`."""
+    best[:] = x[0]
+    for j in range(len(x)):
+        difference(x[j], best, deviations[j])
+
+
+@kernel
+def _interact(T, x, P, mu, best, mixing):
+    """Start every filter from the mixture that its model sees: (20)-(22)."""
+    predicted, weights, deviations, mean, centred, mixed_P = mixing
+    imm.interact(T, mu, predicted, weights)
+    _deviate(x, best, deviations)
+    for j in range(len(x)):
+        imm.mix(weights[j], deviations, P, mean, mixed_P[j], centred)
+        x[j] = best
+        shift(x[j], mean, 1.0)
+    P[:] = mixed_P
+
+
+@kernel
+def _combine(x, logs, mu, best, mixing):
+    """Update the mode probabilities and put the combined state into `best`: (24)-(26)."""
+    imm.probabilities(mixing.predicted, logs, mu)
+    _deviate(x, best, mixing.deviations)
+    imm.mean(mu, mixing.deviations, mixing.mean)
+    shift(best, mixing.mean, 1.0)
+
+
+# ---------------------------------------------------------------- the loop over the seconds
+
+
+@kernel
+def _mission(settings, sensors, truth, models, filters, sums, series):
+    mixing, seen, work = _workspace(settings.models, settings.window)
+    # Arrays leave their tuples here, once: each that enters a call in a tuple is counted.
+    theta, dv, z = sensors
+    decay, variance, forms, T = models
+    x, P, mu = filters
+    flat_P = P.reshape((len(P), -1))
+    f, covariance, rings, beta, gain, nis, logs, e, true_state, best = work
+    for step in range(len(z)):
+        now = truth.states[step]
+        heading = 2.0 * math.atan2(now[QUATERNION + 3], now[QUATERNION])
+        if len(x) > 1:
+            _interact(T, x, P, mu, best, mixing)
+
+        for j in range(len(x)):
+            predict_state(x[j], theta[step], dv[step], settings, decay[j], f)
+            if settings.aided:
+                own, q = flat_P[j], variance[j]
+                predict_covariance(own, f, settings, decay[j], q, covariance)
+                gain[:] = 1.0
+                if forms[j] != fading.NONE:
+                    adapt(
+                        *(x[j], own, z[step], step, settings, heading),
+                        *(forms[j], q, rings[j], seen, beta[j], gain),
+                    )
+                update(x[j], own, z[step], settings, heading, gain, seen, e, nis[j], logs[j])
+
+        if len(x) > 1:
+            _combine(x, logs, mu, best, mixing)
+        else:
+            best[:] = x[0]
+
+        score(best, now, mu, nis, beta, sums, true_state, e)
+        if settings.stride > 0 and (step + 1) % settings.stride == 0:
+            at = (step + 1) // settings.stride - 1
+            record(at, settings.aided, now, truth.rest[at], mu, P, e, series, mixing)
+
+
+# ---------------------------------------------------------------- what is called
+
+
+def fly(
+    theta: ArrayLike,
+    dv: ArrayLike,
+    z: ArrayLike,
+    truth: ArrayLike,
+    x0: ArrayLike,
+    P0: ArrayLike,
+    *,
+    height: float,
+    R: float,
+    noise: ArrayLike,
+    forms: Sequence[str],
+    velocity_noise: float,
+    attitude_noise: float,
+    transition: ArrayLike,
+    mu0: ArrayLike,
+    window: int = 20,
+    cap: float = 10.0,
+    aided: bool = True,
+    about: str = "estimate",
+    stride: int = 0,
+    true_rest: ArrayLike | None = None,
+) -> Flight:
+    """Fly one batch of missions with one EKF or the IMM of several.
+
+    Parameters
+    ----------
+    theta, dv : (steps, 3, LANES)
+        Increments as reported, 1 s each (see `seanav.models.inertial.preintegrate`).
+    z : (steps, axes, LANES)
+        Log at the end of each step, m/s; 1 axis (forward) or up to 3, noise variance `R` each.
+    truth : (steps, 10)
+        Latitude, longitude, v_N, v_E, quaternion, metres per radian north and east.
+    x0 : (17, LANES)
+        Nominal state at the start, the same for every model.
+    P0 : (models, 136, LANES)
+        Packed covariances at the start.
+    height : float
+        m, held.
+    noise : (models, 2)
+        Of the current per step: decay a and variance q.
+    forms : sequence of str
+        Fading form of each model, a key of `seanav.filters.fading.FORMS`.
+    velocity_noise, attitude_noise : float
+        Process noise variance per step, (m/s)² and rad².
+    transition : (models, models); mu0 : (models,)
+        Of the IMM; of no effect for one model.
+    window, cap : int, float
+        Of the fading.
+    aided : bool
+        False: pure inertial navigation.
+    about : str
+        Where H is linearised, a key of `LINEARISED`: at the estimate; with the attitude
+        columns of the true velocity through still water, zero; or wholly at the truth.
+    stride : int
+        Record the error every so many steps; 0: never.
+    true_rest : (steps // stride, 9, LANES)
+        True biases and current at the recorded steps, for the NEES; None: zero.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If a shape does not fit the others, a number is not finite or out of its bounds, or
+        a name is none of those allowed.
+    """
+    sizes = {"runs": LANES}
+    sensors = Sensors(
+        z=array("z", z, ("steps", "axes", "runs"), sizes),
+        theta=array("theta", theta, ("steps", 3, "runs"), sizes),
+        dv=array("dv", dv, ("steps", 3, "runs"), sizes),
+    )
+    integer("axes of z", sizes["axes"], at_least=1, at_most=3)
+    P0 = array("P0", P0, ("models", PACKED, "runs"), sizes)
+    settings = Settings(
+        models=len(P0),
+        height=number("height", height),
+        dt=DT,
+        R=number("R", R, above=0.0),
+        window=integer("window", window, at_least=1),
+        cap=number("cap", cap, at_least=1.0),
+        velocity_noise=number("velocity_noise", velocity_noise, at_least=0.0),
+        attitude_noise=number("attitude_noise", attitude_noise, at_least=0.0),
+        aided=bool(aided),
+        about=LINEARISED[choice("about", about, LINEARISED)],
+        stride=integer("stride", stride, at_least=0),
+    )
+    models = _models(noise, forms, transition, sizes)
+    x0 = array("x0", x0, (NOMINAL, "runs"), sizes)
+    mu0 = array("mu0", mu0, ("models",), sizes)
+    filters = Filters(
+        x=np.repeat(x0[None], len(P0), axis=0),
+        P=P0.copy(),
+        mu=np.repeat(mu0[:, None], LANES, axis=1),
+    )
+    records = sizes["steps"] // stride if stride else 0
+    states = array("truth", truth, ("steps", TRUTH), sizes)
+    rest = np.zeros((records, N - B_A, LANES))
+    if true_rest is not None and records:
+        rest = array("true_rest", true_rest, rest.shape)
+    sums, series = empty_sums(len(P0)), empty_series(len(P0), records)
+    _mission(settings, sensors, Truth(states, rest), models, filters, sums, series)
+    return flight(sums, sizes["steps"], series, filters.P)
+
+
+def _models(noise, forms, transition, sizes) -> Models:
+    noise = array("noise", noise, ("models", 2), sizes)
+    if len(forms) != sizes["models"]:
+        raise ParameterError("forms", forms, f"must be {sizes['models']}, one for each model")
+    numbers = [fading.FORMS[choice("forms", form, fading.FORMS)] for form in forms]
+    T = array("transition", transition, ("models", "models"), sizes)
+    return Models(noise[:, 0].copy(), noise[:, 1].copy(), np.array(numbers), T)
