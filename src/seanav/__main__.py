@@ -11,34 +11,42 @@ from seanav.report import significant
 
 def main(arguments: list[str] | None = None) -> int:
     """Do what the command line asks; return the exit status."""
-    checkout = Path(__file__).resolve().parents[2]
-    parser = argparse.ArgumentParser(prog="python -m seanav", description=__doc__)
-    parser.add_argument("--root", type=Path, default=checkout, help="the checkout")
-    commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("list", help="list the papers")
-    run = commands.add_parser("run", help="run the notebooks")
-    run.add_argument("--quick", action="store_true", help="reduced runs, below build/")
-    run.add_argument("--param", nargs="*", default=[], metavar="NAME=VALUE", help="below build/")
-    run.add_argument("--params", default="", metavar="TEXT", help="several NAME=VALUE in one text")
-    store = commands.add_parser(
-        "store", help="keep the outputs of the last full runs in notebooks/"
-    )
-    check = commands.add_parser("check", help="compare fresh results with the committed ones")
-    check.add_argument("--fresh", type=Path, help="default: build/nbval")
-    check.add_argument("--rtol", type=float, default=1e-6, help="default: %(default)g")
-    claims = commands.add_parser("claims", help="list the claims and their verdicts")
-    for command in (run, store, claims):
-        command.add_argument(
-            "--paper", action="append", metavar="PAPER", help="number or name; default: all"
-        )
-    given = parser.parse_args(arguments)
+    given = _parser().parse_args(arguments)
     try:
-        return globals()[f"_{given.command}"](given.root.resolve(), given)
+        return given.action(given.root.resolve(), given)
     except runner.Refused as error:
         print(error, file=sys.stderr)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
     return 1
+
+
+def _parser():
+    checkout = Path(__file__).resolve().parents[2]
+    parser = argparse.ArgumentParser(prog="python -m seanav", description=__doc__)
+    parser.add_argument("--root", type=Path, default=checkout, help="the checkout")
+    commands = parser.add_subparsers(required=True)
+
+    def command(action, text):
+        added = commands.add_parser(action.__name__.strip("_"), help=text)
+        added.set_defaults(action=action)
+        return added
+
+    command(_list, "list the papers")
+    run = command(_run, "run the notebooks")
+    run.add_argument("--quick", action="store_true", help="reduced runs, below build/")
+    run.add_argument("--param", nargs="*", default=[], metavar="NAME=VALUE", help="below build/")
+    run.add_argument("--params", default="", metavar="TEXT", help="several NAME=VALUE in one text")
+    store = command(_store, "keep the outputs of the last full runs in notebooks/")
+    check = command(_check, "compare fresh results with the committed ones")
+    check.add_argument("--fresh", type=Path, help="default: build/nbval")
+    check.add_argument("--rtol", type=float, default=1e-6, help="default: %(default)g")
+    claims = command(_claims, "list the claims and their verdicts")
+    for of_papers in (run, store, claims):
+        of_papers.add_argument(
+            "--paper", action="append", metavar="PAPER", help="number or name; default: all"
+        )
+    return parser
 
 
 def _list(root, given):

@@ -12,7 +12,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from test_runner import CHECKOUT, FINISH, REPORT, STUDY, cell, empty_checkout, save
+from tiny import CHECKOUT, FINISH, REPORT, STUDY, cell, empty_checkout, save
 
 from seanav import environment, runner
 from seanav.__main__ import words
@@ -103,7 +103,7 @@ def pretend(root):
 def test_make_runs_what_a_changed_file_concerns(finished):
     assert planned(finished) == []
     package = finished / "src" / "seanav"
-    for path in (package / "runner.py", package / "studies" / "__init__.py"):
+    for path in (package / "runner" / "run.py", package / "studies" / "__init__.py"):
         os.utime(path, (2e9, 2e9))  # no notebook imports them
     assert planned(finished) == []
     files = ("notebooks/9_tiny.ipynb", "src/seanav/report.py", "src/seanav/seanav.mplstyle")
