@@ -3,7 +3,7 @@ import itertools
 import filterpy.kalman
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, reject
 from hypothesis import strategies as st
 
 from seanav.checks import ParameterError
@@ -113,12 +113,23 @@ def covariances(draw):
     return np.array([[a * a, r * a * b], [r * a * b, b * b]])
 
 
+def bounds_of(H, *cases):
+    """Bounds of (noise, P0, Q) each; an example that is refused is one that rounding decides."""
+    try:
+        return [pcrb.pcrb(H, *case) for case in cases]
+    except ParameterError as error:
+        assert "must leave the bound finite and positive definite" in str(error)
+        largest = max(np.trace(P + len(H) * q) / noise**2 for noise, P, q in cases)
+        assert largest * (H**2).sum(axis=1).max() > 1e14
+        reject()
+
+
 paths = st.lists(st.tuples(finite, finite), min_size=2, max_size=8).map(np.array)
 
 
 @given(paths, positive, covariances(), covariances())
 def test_bound_stays_a_covariance_and_no_measurement_hurts(H, noise, prior, q):
-    bound = pcrb.pcrb(H, noise, prior, q)
+    (bound,) = bounds_of(H, (noise, prior, q))
     np.testing.assert_array_equal(bound, bound.swapaxes(1, 2))
     for before, after in itertools.pairwise(bound):
         assert after[0, 0] > 0
@@ -129,12 +140,8 @@ def test_bound_stays_a_covariance_and_no_measurement_hurts(H, noise, prior, q):
 
 @given(paths, positive, st.floats(1, 10), covariances(), covariances())
 def test_bound_grows_with_measurement_noise_process_noise_and_prior(H, noise, more, prior, q):
-    bound = pcrb.pcrb(H, noise, prior, q)
-    worse = (
-        pcrb.pcrb(H, noise * more, prior, q),
-        pcrb.pcrb(H, noise, prior, q * more),
-        pcrb.pcrb(H, noise, prior * more, q),
-    )
+    cases = (noise, prior, q), (noise * more, prior, q), (noise, prior, q * more)
+    bound, *worse = bounds_of(H, *cases, (noise, prior * more, q))
     start = more * np.trace(prior + len(H) * q)  # the updates subtract from this
     assert all(below(bound[t], other[t], start) for other in worse for t in range(len(H)))
 
@@ -174,13 +181,71 @@ def test_noise_must_be_positive(noise):
         lambda: pcrb.expected_pcrb(slopes(3)[None], noise, P0, Q),
         lambda: pcrb.information(np.ones((2, 2, 2)), noise),
     ):
-        with pytest.raises(ParameterError, match=r"^noise = .*: must be a finite number above 0$"):
+        with pytest.raises(ParameterError, match=r"^noise = .*: must be a finite number above 1e-100 and"):
             call()
 
 
 @pytest.mark.parametrize(
-    "prior", [np.zeros((2, 2)), np.eye(3), [[1, 2], [2, 1]], [[1, 0.5], [0, 1]], "unit", -np.eye(2)]
+    "prior", [np.zeros((2, 2)), [[1, 2], [2, 1]], [[1, 0.5], [0, 1]], -np.eye(2)]
 )
 def test_prior_must_be_a_covariance(prior):
-    with pytest.raises(ParameterError, match="must be a symmetric positive definite matrix"):
+    with pytest.raises(ParameterError, match="^P0 = .* must be symmetric and positive definite$"):
         pcrb.pcrb(slopes(3), NOISE, prior, Q)
+
+
+BAD = {
+    "gradients": [
+        slopes(3)[:, :1],
+        slopes(3)[0],
+        slopes(0),
+        slopes(3) * np.nan,
+        slopes(3) * 1j,
+        [[0, 1], [1]],
+        "slopes",
+    ],
+    "P0": [np.eye(3), "unit", P0 * np.inf, [[1, 2], [3]]],
+    "Q": [
+        np.tile(Q, (2, 1, 1)),
+        np.tile(Q, (3, 1, 1)) * np.nan,
+        np.stack([Q, Q, -Q]),
+        -Q,
+        np.eye(3),
+        0.1,
+        [[1, 2], [3]],
+    ],
+    "noise": [1e-170, 1e170, np.inf, "1"],
+}
+
+
+@pytest.mark.parametrize(("name", "value"), [(n, v) for n, values in BAD.items() for v in values])
+@pytest.mark.parametrize("function", [pcrb.pcrb, pcrb.expected_pcrb])
+def test_what_is_no_input_is_named_in_one_line(function, name, value):
+    given = {"gradients": slopes(3), "noise": NOISE, "P0": P0, "Q": Q} | {name: value}
+    if function is pcrb.expected_pcrb:
+        given["gradients"] = [given["gradients"]]
+    with pytest.raises(ParameterError, match=rf"^{name} = .*: must ") as caught:
+        function(**given)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bound_that_rounding_decides_is_refused():
+    # Two readings that tell next to everything: what is left of P0 is a matter of rounding.
+    for noise, prior in ((1e-30, P0), (NOISE, 1e200 * P0), (NOISE, 1e-200 * P0)):
+        for call in (
+            lambda n, P: pcrb.pcrb(slopes(9), n, P, 0 * Q),
+            lambda n, P: pcrb.expected_pcrb(slopes(9)[None], n, P, 0 * Q),
+        ):
+            with pytest.raises(ParameterError, match="^noise, P0, Q = .*: must leave the bound"):
+                call(noise, prior)
+
+
+def test_type_and_layout_of_the_slopes_do_not_matter():
+    H = np.round(4 * slopes(6))
+    for other in (H.astype(int), H.astype(np.float32), np.asfortranarray(H), H.tolist()):
+        np.testing.assert_array_equal(pcrb.pcrb(other, NOISE, P0, Q), pcrb.pcrb(H, NOISE, P0, Q))
+
+
+@pytest.mark.parametrize("map_", [np.ones((2, 3)), np.ones((3, 2, 2)), np.full((2, 3, 3), np.nan)])
+def test_information_map_needs_two_slopes_at_each_node(map_):
+    with pytest.raises(ParameterError, match="^gradient = .*: must "):
+        pcrb.information(map_, NOISE)

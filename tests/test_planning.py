@@ -1,3 +1,4 @@
+import bounded
 import numpy as np
 import pytest
 import walks
@@ -124,15 +125,67 @@ def test_closed_cell_reached_more_cheaply_is_counted_and_stays_closed():
     np.testing.assert_array_equal(plan.nodes, walks.textbook_a_star(this)[0])
 
 
+# Numbers whose squares or products are none, or that leave the bound a variance of nothing.
+EXTREME = [
+    "process_noise=1e100, P0=1e60 * np.eye(2)",
+    "process_noise=1e154",
+    "process_noise=1e300",
+    "P0=1e160 * np.eye(2)",
+    "P0=1e-170 * np.eye(2), process_noise=0.0",
+    "speed=1e-300",
+    "spacing=1e300, speed=1e-300",
+    "noise=1e-10, process_noise=0.0",
+    "noise=1e-170",
+    "noise=1e170",
+    "gradient=1e170 * walks.field(5, 8, 0)",
+]
+
+
+@pytest.mark.parametrize("changes", EXTREME)
+def test_search_ends_with_a_positive_cost_or_one_line(changes):
+    # In its own process: where costs overflow, the way back to the start was a circle.
+    code = f"""
+import numpy as np, walks
+from seanav.checks import ParameterError
+from seanav.filters import planning
+this = walks.problem(walks.field(5, 8, 0), {START}, {GOAL}) | dict({changes})
+try:
+    plan = planning.plan(**this)
+except ParameterError as error:
+    print(error)
+else:
+    assert 0 < plan.cost < np.inf
+    assert np.linalg.eigvalsh(plan.covariance).min() > 0
+    print("planned")
+"""
+    told = bounded.run(code).splitlines()
+    assert len(told) == 1
+    assert told[0] == "planned" or ": must " in told[0]
+
+
+def test_a_bound_that_rounding_decides_is_refused_with_what_decides_it():
+    this = task(noise=1e-10, process_noise=0.0)
+    allowed = "must leave every covariance finite and positive definite in double precision"
+    with pytest.raises(ParameterError, match=allowed) as caught:
+        planning.plan(**this)
+    assert str(caught.value).startswith("noise, P0, process_noise, speed = (1e-10, [[2.0, 0.6], ")
+
+
 BAD = {
-    "start": [(-1, 0), (8, 0), (0, 5), (1.5, 2), (1, 2, 3), "ab", None],
+    "start": [(-1, 0), (8, 0), (0, 5), (1.5, 2), (1, 2, 3), "ab", None, ((1, 2), 3), (2**70, 0)],
     "goal": [(8, 4), (0, -1), START],
     "noise": [0.0, -2.0, np.inf, "2"],
     "spacing": [0.0],
     "speed": [0.0, -5.0],
     "process_noise": [-1e-4],
-    "P0": [np.zeros((2, 2))],
-    "gradient": [np.zeros((5, 8)), np.zeros((3, 5, 8)), np.full((2, 5, 8), np.nan)],
+    "P0": [np.zeros((2, 2)), np.full((2, 2), np.nan), np.eye(3), "unit", [[1, 2], [2, 1]]],
+    "gradient": [
+        np.zeros((5, 8)),
+        np.zeros((3, 5, 8)),
+        np.zeros((2, 0, 8)),
+        np.zeros((2, 5, 8), complex),
+        np.full((2, 5, 8), np.nan),
+    ],
 }
 
 
@@ -143,3 +196,21 @@ def test_unusable_parameter_is_named_in_one_line(name, value):
     assert "\n" not in str(caught.value)
     if name == "start":
         assert "[0 … 7, 0 … 4]" in str(caught.value)
+
+
+@pytest.mark.parametrize("change", [np.asfortranarray, lambda map_: map_[:, ::-1, ::-1]])
+def test_layout_of_the_map_in_memory_does_not_matter(change):
+    this = task()
+    there = this | {"gradient": change(this["gradient"])}
+    same = this | {"gradient": there["gradient"].copy(order="C")}
+    for one, other in zip(*(vars(planning.plan(**t)).values() for t in (there, same)), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.int64])
+def test_map_of_another_type_is_the_map_of_its_values(kind):
+    gradient = np.round(4 * walks.field(5, 8, 0)).astype(kind)
+    plan = planning.plan(**task() | {"gradient": gradient})
+    same = planning.plan(**task() | {"gradient": gradient.astype(float)})
+    np.testing.assert_array_equal(plan.nodes, same.nodes)
+    assert plan.cost == same.cost

@@ -181,7 +181,8 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, max_expansions
                     continue
                 q_step = q[1] if di != 0 and dj != 0 else q[0]
                 ee, en, nn = state[label, 0], state[label, 1], state[label, 2]
-                ee, en, nn = step(ee, en, nn, gradient, ni, nj, R, q_step)
+                east_slope, north_slope = gradient[0, ni, nj], gradient[1, ni, nj]
+                ee, en, nn = step(ee, en, nn, east_slope, north_slope, R, q_step)
                 G = state[label, 3] + ee + nn
                 if cost <= G:
                     continue

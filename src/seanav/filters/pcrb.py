@@ -56,24 +56,38 @@ def _along(slopes, R, P0, Q, bound):
         bound[t, 0, 1] = bound[t, 1, 0] = en
 
 
-def covariance(name, value):
-    """Return a (2, 2) covariance as an array, or raise `ParameterError`."""
-    allowed = "must be a symmetric positive definite matrix of shape (2, 2), m²"
+def deviation(noise):
+    """Return the checked standard deviation of a measurement; its square is a number too."""
+    return checks.number("noise", noise, above=1e-100, below=1e100)
+
+
+def _dimensions(value):
     try:
-        P = np.ascontiguousarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise checks.ParameterError(name, value, allowed) from None
-    usable = P.shape == (2, 2) and np.isfinite(P).all() and P[0, 1] == P[1, 0]
-    if not usable or P[0, 0] <= 0 or np.linalg.det(P) <= 0:
-        raise checks.ParameterError(name, P.tolist(), allowed)
-    return P
+        return np.ndim(value)
+    except ValueError:  # ragged: no shape will fit
+        return 0
 
 
-def _inputs(gradients, noise, P0, Q):
-    R = checks.number("noise", noise, above=0) ** 2
-    gradients = np.ascontiguousarray(gradients, dtype=float)
-    Q = np.ascontiguousarray(np.broadcast_to(Q, (gradients.shape[-2], 2, 2)), dtype=float)
-    return gradients, R, covariance("P0", P0), Q
+def _inputs(gradients, noise, P0, Q, axes):
+    sizes = {}
+    gradients = checks.array("gradients", gradients, (*axes, "steps", 2), sizes)
+    noise, P0 = deviation(noise), checks.covariance("P0", P0, 2, definite=True)
+    shape = (2, 2) if _dimensions(Q) < 3 else ("steps", 2, 2)
+    Q = np.broadcast_to(checks.array("Q", Q, shape, sizes), (sizes["steps"], 2, 2))
+    for matrix in np.unique(Q[1:], axis=0):
+        checks.covariance("Q", matrix, 2)
+    return gradients, noise, P0, np.ascontiguousarray(Q)
+
+
+def _demand_sound(bound, noise, P0, Q):
+    # Of numbers of extreme size or ratio, rounding may leave no covariance.
+    ee, en, nn = bound[..., 0, 0], bound[..., 0, 1], bound[..., 1, 1]
+    with np.errstate(all="ignore"):
+        sound = np.isfinite(bound).all() and (ee > 0).all() and (ee * nn > en * en).all()
+    if not sound:
+        values = (noise, P0.tolist(), Q[-1].tolist())
+        allowed = "must leave the bound finite and positive definite in double precision"
+        raise checks.ParameterError("noise, P0, Q", values, allowed)
 
 
 def pcrb(gradients, noise, P0, Q):
@@ -98,18 +112,21 @@ def pcrb(gradients, noise, P0, Q):
     Raises
     ------
     ParameterError
-        If `noise` is not above zero or `P0` is not a covariance.
+        If shapes do not fit, a number is not finite, `noise` is not above zero, `P0` or `Q`
+        is not a covariance, or the bound is none in double precision.
 
     Notes
     -----
     Paper 5, equations 20 and 21. Not an expectation over the truth: see `expected_pcrb`.
     """
-    gradients, R, P0, Q = _inputs(gradients, noise, P0, Q)
+    axes = [f"axis {k}" for k in range(_dimensions(gradients) - 2)]
+    gradients, noise, P0, Q = _inputs(gradients, noise, P0, Q, axes)
     bound = np.empty((*gradients.shape, 2))
     steps = gradients.shape[-2]
     paths = zip(gradients.reshape(-1, steps, 2), bound.reshape(-1, steps, 2, 2), strict=True)
     for slopes, out in paths:
-        _along(slopes, R, P0, Q, out)
+        _along(slopes, noise**2, P0, Q, out)
+    _demand_sound(bound, noise, P0, Q)
     return bound
 
 
@@ -133,7 +150,8 @@ def expected_pcrb(gradients, noise, P0, Q):
     Raises
     ------
     ParameterError
-        If `noise` is not above zero or `P0` is not a covariance.
+        If shapes do not fit, a number is not finite, `noise` is not above zero, `P0` or `Q`
+        is not a covariance, or the bound is none in double precision.
 
     Notes
     -----
@@ -141,11 +159,12 @@ def expected_pcrb(gradients, noise, P0, Q):
     discrete-time nonlinear filtering, IEEE Trans. Signal Processing 46 (1998), for
     linear dynamics and additive Gaussian noise.
     """
-    gradients, R, P0, Q = _inputs(gradients, noise, P0, Q)
+    gradients, noise, P0, Q = _inputs(gradients, noise, P0, Q, ["draws"])
     east, north = gradients[..., 0], gradients[..., 1]
     products = np.stack([east * east, east * north, north * north], axis=-1)
     bound = np.empty((gradients.shape[1], 2, 2))
-    _recursion(products.mean(axis=0) / R, P0, Q, bound)
+    _recursion(products.mean(axis=0) / noise**2, P0, Q, bound)
+    _demand_sound(bound, noise, P0, Q)
     return bound
 
 
@@ -167,6 +186,7 @@ def information(gradient, noise):
     Raises
     ------
     ParameterError
-        If `noise` is not above zero.
+        If `noise` is not above zero, or `gradient` not a finite array of that shape.
     """
-    return np.hypot(gradient[0], gradient[1]) / checks.number("noise", noise, above=0)
+    gradient = checks.array("gradient", gradient, (2, "north", "east"))
+    return np.hypot(gradient[0], gradient[1]) / deviation(noise)

@@ -12,7 +12,7 @@ import numpy as np
 
 from seanav import checks
 from seanav._compile import kernel
-from seanav.filters.pcrb import covariance, pcrb, update
+from seanav.filters.pcrb import deviation, pcrb, update
 
 
 @dataclass(frozen=True)
@@ -41,15 +41,35 @@ class Plan:
 
 
 @kernel
-def step(ee, en, nn, gradient, i, j, R, q):
+def step(ee, en, nn, slope_e, slope_n, R, q):
     """Return ee, en, nn after the process noise q per axis and the measurement at a cell."""
-    return update(ee + q, en, nn + q, gradient[0, i, j], gradient[1, i, j], R)
+    return update(ee + q, en, nn + q, slope_e, slope_n, R)
+
+
+@kernel
+def sound(ee, en, nn):
+    """Tell whether a covariance is finite, and positive definite whatever rounding did.
+
+    Of the determinant, rounding takes some 1e-16 of the product of the variances; what is
+    left below 1e-12 of it decides nothing.
+    """
+    product = ee * nn
+    return ee > 0.0 and nn > 0.0 and product < np.inf and product - en * en > 1e-12 * product
+
+
+def refuse(noise, P0, process_noise, speed):
+    """Raise the `ParameterError` of a search that met a covariance which is not `sound`."""
+    values = (noise, np.asarray(P0).tolist(), process_noise, speed)
+    allowed = "must leave every covariance finite and positive definite in double precision"
+    raise checks.ParameterError("noise, P0, process_noise, speed", values, allowed)
 
 
 @kernel
 def _search(gradient, start, goal, R, P0, q, heuristic_rate):
     # Cells are numbered along the rows. Ties in F go to the smaller number, ties in G to
-    # the parent that was expanded first.
+    # the parent that was expanded first. A cell is expanded once, so the search ends; its
+    # parent was expanded before it, so the parents lead back to the start. Both need costs
+    # that are numbers and grow along a path; where they are not, the goal's cost is NaN.
     north, east = gradient.shape[1:]
     cells = north * east
     G = np.full(cells, np.inf)
@@ -77,8 +97,12 @@ def _search(gradient, start, goal, R, P0, q, heuristic_rate):
                 if not inside or (di == 0 and dj == 0):
                     continue
                 q_step = q[1] if di != 0 and dj != 0 else q[0]
-                ee, en, nn = step(P[cell, 0], P[cell, 1], P[cell, 2], gradient, ni, nj, R, q_step)
+                east_slope, north_slope = gradient[0, ni, nj], gradient[1, ni, nj]
+                ee, en, nn = P[cell, 0], P[cell, 1], P[cell, 2]
+                ee, en, nn = step(ee, en, nn, east_slope, north_slope, R, q_step)
                 cost = G[cell] + ee + nn
+                if not (sound(ee, en, nn) and cost < np.inf):
+                    return np.nan, parent, expanded, reopenings
                 other = ni * east + nj
                 if closed[other]:
                     reopenings += cost < G[other]
@@ -121,28 +145,28 @@ class Problem:
 
 def problem(gradient, spacing, start, goal, noise, P0, process_noise, speed):
     """Check the parameters of `plan` and return them as a `Problem`."""
-    gradient = np.ascontiguousarray(gradient, dtype=float)
-    usable = gradient.ndim == 3 and len(gradient) == 2 and np.isfinite(gradient).all()
-    if not usable:
-        shape = f"array of shape {gradient.shape}"
-        raise checks.ParameterError("gradient", shape, "must be finite, of shape (2, north, east)")
-    north, east = gradient.shape[1:]
-    cells = []
-    for name, node in (("start", start), ("goal", goal)):
-        allowed = f"must lie on the map, [0 … {east - 1}, 0 … {north - 1}]"
-        index = np.asarray(node)
-        whole = index.shape == (2,) and np.issubdtype(index.dtype, np.integer)
-        if not whole or not (0 <= index[0] < east and 0 <= index[1] < north):
-            raise checks.ParameterError(name, node, allowed)
-        cells.append(int(index[1] * east + index[0]))
+    gradient = checks.array("gradient", gradient, (2, "north", "east"))
+    cells = [_cell(name, node, gradient) for name, node in (("start", start), ("goal", goal))]
     if cells[0] == cells[1]:
         raise checks.ParameterError("goal", goal, "must differ from the start")
     spacing = checks.number("spacing", spacing, above=0)
     seconds = spacing / checks.number("speed", speed, above=0)
     rate = checks.number("process_noise", process_noise, at_least=0)
-    noise = checks.number("noise", noise, above=0)
+    noise, P0 = deviation(noise), checks.covariance("P0", P0, 2, definite=True)
     q = rate * seconds * np.array([1.0, np.sqrt(2.0)])
-    return Problem(gradient, *cells, noise, covariance("P0", P0), q)
+    return Problem(gradient, *cells, noise, P0, q)
+
+
+def _cell(name, node, gradient):
+    north, east = gradient.shape[1:]
+    try:
+        i, j = (checks.integer(name, part, at_least=0) for part in reversed(node))
+    except (TypeError, ValueError):
+        i, j = -1, -1
+    if not (0 <= i < north and 0 <= j < east):
+        allowed = f"must lie on the map, [0 … {east - 1}, 0 … {north - 1}]"
+        raise checks.ParameterError(name, node, allowed)
+    return i * east + j
 
 
 def plan(gradient, spacing, start, goal, noise, P0, process_noise, speed):
@@ -178,15 +202,20 @@ def plan(gradient, spacing, start, goal, noise, P0, process_noise, speed):
     Raises
     ------
     ParameterError
-        If a node is off the map, start and goal are equal, or a value is not usable.
+        If a node is off the map, start and goal are equal, a value is not usable, or a
+        covariance is finite and positive definite no more in double precision.
     """
     task = problem(gradient, spacing, start, goal, noise, P0, process_noise, speed)
     heuristic_rate = 2.0 * task.q[0]  # per step of one spacing; the trace counts two axes
     cost, parent, expanded, reopenings = _search(
         task.gradient, task.start, task.goal, task.R, task.P0, task.q, heuristic_rate
     )
+    if np.isnan(cost):
+        refuse(noise, P0, process_noise, speed)
     cells = [task.goal]
-    while cells[-1] != task.start:
+    for _ in parent:  # a path has no more nodes than the map
+        if cells[-1] == task.start:
+            break
         cells.append(parent[cells[-1]])
     nodes = task.nodes(np.array(cells[::-1]))
     return Plan(nodes, task.bound(nodes), cost, expanded, reopenings)
