@@ -5,7 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from seanav.checks import ParameterError, array, choice, covariance, in_place, integer, number
+from seanav.checks import (
+    ParameterError,
+    array,
+    choice,
+    covariance,
+    in_place,
+    integer,
+    number,
+    parts,
+)
 
 
 def test_good_values_come_back_as_plain_types():
@@ -147,3 +156,25 @@ def test_a_long_value_is_cut():
 def test_not_one_of_the_choices(value):
     with pytest.raises(ParameterError, match="must be one of 1, 3"):
         choice("log_axes", value, (1, 3))
+
+
+@pytest.mark.parametrize(("part", "whole", "count"), [(0.1, 0.3, 3), (0.01, 40.0, 4000), (2, 2, 1)])
+def test_parts_of_a_time_that_divides(part, whole, count):
+    assert parts("step", part, "interval", whole) == count
+
+
+@pytest.mark.parametrize(
+    ("part", "whole", "told"),
+    [
+        (0.02, 0.25, "step = 0.02: must divide interval = 0.25 evenly"),
+        (0.5, 0.25, "step = 0.5: must divide interval = 0.25 evenly"),
+        (1e300, 1e-300, "must divide"),
+        (1e-9, 0.5, "step = 1e-09: must cut interval = 0.5 into at most 100000 parts"),
+        (1e-300, 1e300, "must cut"),
+        (0.0, 0.5, "step = 0.0: must be a finite number above 0"),
+        (0.1, float("nan"), "interval = nan: must be a finite number above 0"),
+    ],
+)
+def test_a_step_that_does_not_divide_is_refused(part, whole, told):
+    with pytest.raises(ParameterError, match=told):
+        parts("step", part, "interval", whole)

@@ -7,12 +7,16 @@ import pytest
 from filterpy.kalman import KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib import pyplot as plt
 from scipy import linalg, stats
 
+from seanav import estimates
 from seanav.checks import ParameterError
 from seanav.filters import continuous_discrete, generated, moments
 from seanav.models import bodies
+from seanav.report import significant
 from seanav.studies import ito_beyond as beyond
+from seanav.studies import ito_figures as draw
 from seanav.studies import ito_filter as study
 
 SMALL = study.Scenario(
@@ -177,10 +181,180 @@ def test_systematic_resampling_copies_in_proportion():
     assert counts[1] == 0
 
 
-def test_noise_that_is_no_covariance_is_refused():
-    for R in ([[1.0, 2.0], [0.0, 1.0]], [[1.0, 2.0], [2.0, 1.0]], [[0.0]], [1.0]):
-        with pytest.raises(ParameterError, match=r"R = .*must be (a symmetric|positive)"):
-            continuous_discrete.checked_noise(R)
+def entries():
+    """Return {function: its arguments by name} with which each entry of the module runs."""
+    _, _, model, H, R, z = linear_setup(3, 4, 0)
+    common = {"x0": np.ones(3), "P0": np.eye(3), "z": z, "interval": 0.4, "R": R, "H": H}
+    propagate = generated.Propagator(moments.close(model, "gaussian"))
+    predictor = generated.Predictor(moments.measurement(model, ["x", "z"]))
+    cloud = {"simulate": generated.Simulator(model), "particles": 20, "step": 0.1}
+    cloud["generators"] = [np.random.default_rng(k) for k in range(3)]
+    now = {"mean": np.ones((3, 3)), "P": np.tile(np.eye(3), (3, 1, 1)), "z": z[:, 0]}
+    return {
+        "run": {"propagate": propagate, "step": 0.05} | common,
+        "run expanded": {"propagate": propagate, "step": 0.05} | common | {"H": predictor},
+        "particle_filter": cloud | common,
+        "update": now | {"R": R, "H": H},
+        "systematic": {"weights": np.array([0.5, 0.3, 0.2]), "offset": 0.5},
+    }
+
+
+def call(entry, **changes):
+    """Call an entry with some arguments changed."""
+    return getattr(continuous_discrete, entry.split()[0])(**(entries()[entry] | changes))
+
+
+@pytest.mark.parametrize("entry", entries())
+def test_entries_run_as_they_are(entry):
+    call(entry)
+
+
+FILTERS = ("run", "run expanded", "particle_filter")
+LINEAR = ("run", "particle_filter", "update")
+ALL = (*FILTERS, "update")
+NOT_FINITE = np.array([[1.0, 0.0, 0.0], [0.0, np.nan, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("where", "change", "message"),
+    [
+        (LINEAR, {"H": np.array([1.0, 0.0, 0.0])}, r"H = \(3,\): must have the shape \(2, 3\)"),
+        (LINEAR, {"H": np.eye(3)}, r"H = \(3, 3\): must have the shape \(2, 3\)"),
+        (LINEAR, {"H": np.eye(2)}, r"H = \(2, 2\): must have the shape \(2, 3\)"),
+        (LINEAR, {"H": NOT_FINITE}, "H = nan: must be finite"),
+        (LINEAR, {"H": None}, "H = None"),
+        (FILTERS, {"P0": np.eye(1)}, r"P0 = \(1, 1\): must have the shape \(3, 3\)"),
+        (FILTERS, {"P0": np.diag([1.0, 1.0, -1.0])}, "P0 = .*must be symmetric and positive"),
+        (FILTERS, {"P0": np.eye(3) + np.eye(3, k=1)}, "P0 = .*must be symmetric and positive"),
+        (("particle_filter",), {"P0": np.zeros((3, 3))}, "P0 = .*symmetric and positive definite"),
+        (FILTERS, {"x0": np.ones((3, 1))}, r"x0 = \(3, 1\): must have the shape \(states,\)"),
+        (FILTERS, {"x0": np.ones(4)}, r"P0 = \(3, 3\): must have the shape \(4, 4\)"),
+        (FILTERS, {"x0": np.array([1.0, np.inf, 0.0])}, "x0 = inf: must be finite"),
+        (FILTERS, {"z": np.zeros((3, 4))}, r"z = \(3, 4\): must have the shape"),
+        (FILTERS, {"z": np.full((3, 4, 2), np.nan)}, "z = nan: must be finite"),
+        (FILTERS, {"z": np.zeros((3, 0, 2))}, r"z = \(3, 0, 2\): must have the shape"),
+        (FILTERS, {"z": np.zeros((3, 4, 3))}, r"(R|H|predicted) = .*must have the shape"),
+        (FILTERS, {"interval": -0.4}, "interval = -0.4: must be a finite number above 0"),
+        (FILTERS, {"step": 0.0}, "step = 0.0: must be a finite number above 0"),
+        (FILTERS, {"step": 0.15}, "step = 0.15: must divide interval = 0.4 evenly"),
+        (FILTERS, {"step": 0.8}, "step = 0.8: must divide interval = 0.4 evenly"),
+        (FILTERS, {"step": 1e-12}, "step = 1e-12: must cut interval = 0.4 into at most"),
+        (ALL, {"R": np.eye(3)}, r"R = \(3, 3\): must have the shape \(2, 2\)"),
+        (ALL, {"R": np.ones(2)}, r"R = \(2,\): must have the shape \(2, 2\)"),
+        (
+            ALL,
+            {"R": np.array([[1.0, 2.0], [0.0, 1.0]])},
+            "R = .*must be symmetric and positive def",
+        ),
+        (
+            ALL,
+            {"R": np.array([[1.0, 2.0], [2.0, 1.0]])},
+            "R = .*must be symmetric and positive def",
+        ),
+        (ALL, {"R": np.zeros((2, 2))}, "R = .*must be symmetric and positive definite"),
+        (("update",), {"mean": np.ones(3)}, r"mean = \(3,\): must have the shape"),
+        (("update",), {"mean": np.ones((3, 3), int)}, "mean = .*int64.*changed in place"),
+        (("update",), {"P": np.ones((3, 1, 1))}, r"P = \(3, 1, 1\): must have the shape"),
+        (("update",), {"P": np.eye(3)[None].copy()}, r"P = \(1, 3, 3\): must have the shape"),
+        (("update",), {"P": np.tile(np.eye(3, dtype=int), (3, 1, 1))}, "P = .*changed in place"),
+        (("update",), {"P": np.triu(np.ones((3, 3, 3)))}, "P = .*must be symmetric"),
+        (
+            ("update",),
+            {"P": np.tile(-9 * np.eye(3), (3, 1, 1))},
+            "P = -9.0: must have no variance below zero",
+        ),
+        (("update",), {"z": np.zeros((4, 2))}, r"z = \(4, 2\): must have the shape \(3, "),
+        (("update",), {"H": np.zeros((2, 2, 3))}, r"H = \(2, 2, 3\): must have the shape"),
+        (
+            ("update",),
+            {"predicted": np.zeros((3, 1))},
+            r"predicted = \(3, 1\): must have the shape",
+        ),
+        (("update",), {"spread": np.zeros((2, 2))}, r"spread = \(2, 2\): must have the shape"),
+        (("particle_filter",), {"generators": []}, "generators = .*must be 3 random generators"),
+        (("particle_filter",), {"particles": 1}, "particles = 1: must be an integer"),
+        (("systematic",), {"weights": np.ones((2, 2))}, r"weights = \(2, 2\): must have the shape"),
+        (("systematic",), {"weights": np.zeros(0)}, r"weights = \(0,\): must have the shape"),
+        (("systematic",), {"weights": np.array([0.5, 0.2])}, "weights = 0.7: must .*sum to one"),
+        (
+            ("systematic",),
+            {"weights": np.array([1.5, -0.5])},
+            "weights = -0.5: must not be negative",
+        ),
+        (("systematic",), {"offset": 1.0}, "offset = 1.0: must be a finite number"),
+    ],
+)
+def test_input_that_does_not_fit_is_refused(where, change, message):
+    for entry in where:
+        if "H" in change and entry == "run expanded":
+            continue
+        with pytest.raises(ParameterError, match=message) as caught:
+            call(entry, **change)
+        assert "\n" not in str(caught.value)
+
+
+def test_refused_update_changes_nothing():
+    given = entries()["update"]
+    with pytest.raises(ParameterError):
+        continuous_discrete.update(**given | {"z": np.zeros((3, 3))})
+    assert (given["mean"] == 1.0).all()
+    assert (given["P"] == np.eye(3)).all()
+
+
+@pytest.mark.parametrize("entry", FILTERS)
+def test_integers_and_lists_are_as_good_as_floats(entry):
+    given = entries()[entry]
+    whole = {"x0": [1, 1, 1], "P0": np.eye(3, dtype=int), "z": np.ones((3, 4, 2), int)}
+    if entry != "run expanded":
+        whole["H"] = given["H"].astype(int).tolist()
+    ends = [call(entry, **whole), call(entry, z=np.ones((3, 4, 2)))]
+    assert np.array_equal(ends[0].mean, ends[1].mean)
+    assert np.array_equal(ends[0].P, ends[1].P)
+
+
+def test_certain_start_is_allowed_where_no_cloud_is_drawn():
+    track = call("run", P0=np.zeros((3, 3)))
+    assert (track.P[:, 0] == 0).all()
+    assert np.isfinite(track.mean).all()
+
+
+def test_only_the_run_that_diverges_is_lost():
+    # x' = x³ from 0.5 explodes after 2 s, from 0.1 after 50 s; the measurements hold one run.
+    model = moments.system("x", ["x**3"], [0.01])
+    propagate = generated.Propagator(moments.close(model, "ekf"))
+    z = np.zeros((2, 40, 1))
+    z[1] = 1e5
+    track = continuous_discrete.run(
+        propagate, [0.1], [[1e-4]], z, 0.1, 0.05, 1e-2 * np.eye(1), np.eye(1), limit=1e4
+    )
+    first = int(np.isnan(track.mean[1, :, 0]).argmax())
+    assert 0 < first < 40
+    for part in (track.mean, track.P, track.nis[:, 1:]):
+        assert np.isfinite(part[0]).all()
+    assert np.isnan(track.mean[1, first:]).all()
+    assert np.isnan(track.P[1, first:]).all()
+    assert np.abs(track.mean[1, :first]).max() < 1e4
+    alone = continuous_discrete.run(
+        propagate, [0.1], [[1e-4]], z[:1], 0.1, 0.05, 1e-2 * np.eye(1), np.eye(1), limit=1e4
+    )
+    assert np.array_equal(alone.mean[0], track.mean[0])
+
+
+def test_particles_that_explode_carry_no_weight():
+    # x' = 4 x³ − x: beyond 0.5 a particle runs away, the others stay and are enough.
+    model = moments.system("x", ["4*x**3 - x"], [0.1])
+    given = {"R": np.eye(1), "H": np.eye(1), "generators": [np.random.default_rng(1)]}
+    move, z = generated.Simulator(model), np.zeros((1, 30, 1))
+    cloud = continuous_discrete.particle_filter(
+        move, [0.0], [[0.2]], z, 0.5, 0.05, particles=400, **given
+    )
+    assert np.isfinite(cloud.mean).all()
+    assert np.abs(cloud.mean).max() < 0.6
+    assert cloud.nis[0, -1] > 100
+    gone = continuous_discrete.particle_filter(
+        move, [5.0], [[0.01]], z, 0.5, 0.05, particles=400, **given
+    )
+    assert np.isnan(gone.mean[0, 1:]).all()
 
 
 # ---------------------------------------------------------------- the stochastic equation
@@ -315,6 +489,174 @@ def test_reduction_agrees_with_fokker_planck_while_it_is_nearly_gaussian():
     assert abs(out["ekf"][0][1] - mean[1]) > 1e-3
 
 
+# ---------------------------------------------------------------- times and their labels
+
+
+def truths_of_the_map(scenario, vehicle, monkeypatch):
+    """Return {interval: truth} that `second_order_map` hands to its filters."""
+    truths = {}
+
+    def estimate(scenario, truth, case, closure="gaussian", corrected=True):
+        truths[truth.times[1]] = truth
+        P = np.broadcast_to(np.eye(6), (*truth.x.shape, 6))
+        return continuous_discrete.Track(truth.x + 1.0, P, np.zeros(truth.x.shape[:2]))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(study, "estimate", estimate)
+        rows = beyond.second_order_map(scenario, vehicle)
+    assert sorted({row[1] for row in rows}) == sorted(truths) == sorted(scenario.map_interval)
+    return truths
+
+
+@pytest.mark.parametrize("vehicle", study.VEHICLES)
+def test_truth_of_the_map_has_the_moments_of_its_labelled_times(vehicle, monkeypatch):
+    # A body of equal masses with linear drag alone: E|x|² of the scheme is known at each
+    # step, and falls by 8 % every 0.01 s.
+    rate, noise = 4.0, 0.05
+    body = bodies.Body(vehicle, (1.0,) * 3, (1.0,) * 3, (rate,) * 6, (0.0,) * 6, (0.0,) * 6, ())
+    monkeypatch.setitem(bodies.BODIES, vehicle, body)
+    start = {f"{vehicle}_start": (0.0,) * 6, f"{vehicle}_noise": (noise,) * 6}
+    scenario = study.Scenario(
+        runs=4000, mission=4.0, map_noise=(1.0,), map_interval=(0.25, 0.5), **start
+    )
+    variance = np.sum(scenario.prior(vehicle)[1])
+    for interval, truth in truths_of_the_map(scenario, vehicle, monkeypatch).items():
+        for k in (0, 1):
+            steps = round(k * interval / 0.01)
+            shrink = (1 - 0.01 * rate) ** (2 * steps)
+            added = 6 * noise**2 * 0.01 * (1 - shrink) / (1 - (1 - 0.01 * rate) ** 2)
+            # 4.5 standard errors of a sum of 24 000 squares.
+            wanted = pytest.approx(shrink * variance + added, rel=4.5 * np.sqrt(2 / 24_000))
+            assert np.square(truth.x[:, k]).sum(axis=1).mean() == wanted
+
+
+@pytest.mark.parametrize("vehicle", study.VEHICLES)
+def test_truth_is_kept_at_the_times_that_label_it(vehicle, monkeypatch):
+    scenario = replace(SMALL, map_interval=(0.25, 0.5, 1.0))
+    noise, step = scenario.noise(vehicle), scenario.map_step
+    fine = study.simulate(scenario, vehicle, noise, keep=step, mission=2.0, step="map_step")
+    assert fine.times[-1] == pytest.approx(2.0)
+    for interval, truth in truths_of_the_map(scenario, vehicle, monkeypatch).items():
+        np.testing.assert_allclose(np.diff(truth.times), interval, rtol=1e-12)
+        at = np.round(truth.times / step).astype(int)
+        np.testing.assert_allclose(fine.times[at], truth.times, rtol=1e-12)
+        assert np.array_equal(truth.x, fine.x[:, at])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"keep": 0.25}, "sphere_step = 0.02: must divide keep = 0.25 evenly"),
+        ({"keep": 0.01}, "sphere_step = 0.02: must divide keep = 0.01 evenly"),
+        ({"mission": 1.7}, "keep = 0.5: must divide mission = 1.7 evenly"),
+        ({"mission": 1.79}, "sphere_step = 0.02: must divide mission = 1.79 evenly"),
+        ({"mission": 1e9}, "sphere_step = 0.02: must cut mission = 1e.09 into at most"),
+        ({"step": "map_step", "keep": 0.015}, "map_step = 0.01: must divide keep = 0.015 evenly"),
+    ],
+)
+def test_times_between_the_steps_are_not_simulated(change, message):
+    with pytest.raises(ParameterError, match=message):
+        study.simulate(SMALL, "sphere", **change)
+
+
+def test_half_a_mission_holds_every_interval_of_the_map_whole():
+    for mission, intervals, wanted in (
+        (40.0, (0.25, 0.5, 1.0, 2.0), 20.0),
+        (50.0, (0.25, 0.5, 1.0, 2.0), 26.0),
+        (1.0, (0.5, 1.0, 1.5), 3.0),
+        (4.0, (2.0,), 4.0),
+    ):
+        scenario = study.Scenario(mission=mission, map_interval=intervals)
+        assert scenario.map_mission == pytest.approx(wanted)
+
+
+# ---------------------------------------------------------------- divergence
+
+
+def test_truth_that_explodes_is_told_in_one_line():
+    scenario = replace(SMALL, torpedo_noise=(30.0,) * 6)
+    told = "torpedo_step = 0.01: is too long for .*torpedo.* diverges"
+    with pytest.raises(ParameterError, match=told) as caught:
+        study.simulate(scenario, "torpedo")
+    assert "\n" not in str(caught.value)
+    with pytest.raises(ParameterError, match=r"map_step = 0\.01: is too long"):
+        beyond.second_order_map(replace(scenario, map_noise=(1.0,)), "torpedo")
+
+
+def test_filters_that_diverge_are_shown_as_diverged():
+    # Strong noise on a long step of the filters: all of the torpedo's explode.
+    scenario = replace(SMALL, strong_noise=30.0, filter_step=0.25)
+    truth = study.simulate(scenario, "torpedo", scenario.noise("torpedo", 30.0))
+    result = study.run_case(scenario, truth, scenario.cases[0])
+    lost = [name for name, one in result.scores.items() if not np.isfinite(one.squared).all()]
+    assert lost
+    assert result.scores[lost[0]].rmse(0) is None
+    assert study.shown(result.scores[lost[0]].rmse(0)) == "diverged"
+    assert study.entry(result.scores[lost[0]].rmse(0)) == "diverged"
+    assert result.over_open_loop(0, lost[0]) is None
+    condition = study.condition("torpedo, u", None, high=0.5)
+    assert condition.outcome == "fails"
+    assert str(condition) == "torpedo, u: filters that diverged: 1.00, claimed at most 0, fails"
+
+
+def test_what_is_finite_is_shown_and_judged_as_it_is():
+    estimate = estimates.mean(np.array([0.2, 0.3]))
+    assert study.shown(estimate) == significant(estimate)
+    assert study.entry(estimate) == pytest.approx(0.25)
+    condition = study.condition("torpedo, u", estimate, high=5)
+    assert (condition.estimate, condition.low, condition.high) == (estimate, -np.inf, 5)
+    assert study.condition("far", 0.25, low=0.1).estimate == estimates.exact(0.25)
+    assert study.condition("far", np.nan, low=0.1).outcome == "fails"
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "change",
+    [
+        {},
+        {"strong_noise": 30.0, "filter_step": 0.25, "map_noise": (30.0,)},
+        {"interval": 20.0, "mission": 40.0},
+        {"mission": 1.0, "map_interval": (1.0,)},
+    ],
+)
+def test_figures_draw_what_there_is(change):
+    scenario = replace(SMALL, **change)
+    results = study.run_all(scenario, scenario.strong_noise)
+    maps = {v: beyond.second_order_map(scenario, v) for v in study.VEHICLES}
+    factors = [0.5, 1.0, scenario.strong_noise]
+    sds = beyond.sensitivity(scenario, "torpedo", [1e-4, 1e4], factors)
+    figures = [
+        draw.overview(results["torpedo", 1]),
+        draw.component(results["torpedo", 2], 3),
+        draw.nees(results, study.nees_band(scenario.runs)),
+        draw.second_order_map(maps),
+        draw.sensitivity([1e-4, 1e4], factors, sds),
+    ]
+    for fig in figures:
+        fig.canvas.draw()
+        plt.close(fig)
+
+
+def test_map_is_drawn_in_the_order_it_is_given():
+    rows = [
+        (factor, interval, estimates.exact(factor + interval / 10))
+        for factor in (2.0, 1.0)
+        for interval in (3.0, 2.0)
+    ]
+    fig = draw.second_order_map({"torpedo": rows, "sphere": rows})
+    ax = fig.axes[0]
+    words = {text.get_text(): text.get_position() for text in ax.texts}
+    across = {
+        label.get_text(): x for x, label in zip(ax.get_xticks(), ax.get_xticklabels(), strict=True)
+    }
+    up = {
+        label.get_text(): y for y, label in zip(ax.get_yticks(), ax.get_yticklabels(), strict=True)
+    }
+    assert words["2.300"] == (across["3"], up["2"])
+    assert words["1.200"] == (across["2"], up["1"])
+    plt.close(fig)
+
+
 # ---------------------------------------------------------------- study
 
 
@@ -401,24 +743,50 @@ def test_small_study_runs_through_everything():
     ("change", "message"),
     [
         ({"runs": -1}, "runs = -1: must be an integer of at least 2"),
-        ({"small_R": 0.0}, "small_R = 0.0: must be a finite number above 0"),
-        ({"large_R": -1.0}, "large_R = -1.0: must be a finite number above 0"),
+        ({"small_R": 0.0}, "small_R = 0.0: must be a finite number at least 1e-12"),
+        ({"large_R": -1.0}, "large_R = -1.0: must be a finite number at least 1e-12"),
+        ({"large_R": 1e300}, "large_R = 1e.300: must be a finite number .*at most 1e.12"),
+        ({"map_R": 1e-300}, "map_R = 1e-300: must be a finite number at least 1e-12"),
         ({"torpedo_start": [1.0]}, r"torpedo_start = \[1.0\]: must be 6 numbers"),
-        (
-            {"sphere_noise": [0.1] * 5 + [0.0]},
-            "sphere_noise = 0.0: must be a finite number above 0",
-        ),
+        ({"torpedo_start": [1e9] * 6}, "torpedo_start = 1000000000.0: must be .*at most 1000"),
+        ({"sphere_noise": [0.1] * 5 + [0.0]}, "sphere_noise = 0.0: must be a finite number at l"),
+        ({"sphere_noise": [1e300] * 6}, "sphere_noise = 1e.300: must be .*at most 1000"),
         ({"sphere_variance": "abc"}, "sphere_variance = 'abc': must be 6 numbers"),
         ({"torpedo_step": 0.03}, "torpedo_step = 0.03: must divide interval = 0.5 evenly"),
-        ({"filter_step": 0.7}, "filter_step = 0.7: must be a finite number .*at most 0.5"),
-        ({"interval": 0.7}, "torpedo_step|interval"),
+        ({"torpedo_step": 0.5}, "torpedo_step = 0.5: twice .*must divide interval = 0.5 evenly"),
+        ({"torpedo_step": 0.02}, "torpedo_step = 0.02: twice .*must divide interval = 0.5 evenly"),
+        ({"torpedo_step": 1e-12}, "torpedo_step = 1e-12: must be a finite number at least 0.0001"),
+        ({"sphere_step": 0.04}, "sphere_step = 0.04: must divide interval = 0.5 evenly"),
+        ({"filter_step": 0.7}, "filter_step = 0.7: must divide interval = 0.5 evenly"),
+        ({"filter_step": 0.2}, "filter_step = 0.2: must divide interval = 0.5 evenly"),
+        ({"filter_step": 0.5}, "filter_step = 0.5: must divide map_interval = 0.25 evenly"),
+        ({"filter_step": 1e-12}, "filter_step = 1e-12: must be a finite number at least 0.0001"),
+        ({"map_step": 0.02}, "map_step = 0.02: must divide map_interval = 0.25 evenly"),
+        ({"map_step": 0.0}, "map_step = 0.0: must be a finite number at least 0.0001"),
+        ({"interval": 0.7}, "interval = 0.7: must divide mission = 40 evenly"),
+        ({"interval": 1e-9}, "interval = 1e-09: must be a finite number at least 0.001"),
+        ({"interval": 1e9}, "interval = 1000000000.0: must be a finite number"),
         ({"mission": 0.5}, "mission = 0.5: must be a finite number at least 1"),
+        ({"mission": 1e9}, "mission = 1000000000.0: must be a finite number .*at most 100000"),
+        ({"mission": 9e3}, "torpedo_step = 0.01: must cut mission = 9000 into at most 100000"),
+        ({"runs": 10**9}, "runs = 1000000000: must be at most .* mission, interval"),
+        ({"runs": 10**400}, "runs = .*: must be"),
+        ({"runs": 10}, "particle_runs = 12: must be .* at most runs = 10"),
         ({"particles": 1}, "particles = 1: must be an integer of at least 2"),
-        ({"particle_runs": 151}, "particle_runs = 151: must be an integer .*at most 150"),
-        ({"map_noise": []}, r"map_noise = \[\]: must be one or more numbers"),
-        ({"map_interval": [0.0]}, "map_interval = 0.0: must be a finite number above 0"),
+        ({"particles": 10**9}, "particles = 1000000000: must be at most"),
+        ({"particle_runs": 151}, "particle_runs = 151: must be .*at most runs = 150"),
+        ({"map_noise": []}, r"map_noise = \[\]: must be 1 to 20 numbers"),
+        ({"map_noise": [1.0] * 21}, "map_noise = .*: must be 1 to 20 numbers"),
+        ({"map_noise": [1.0, 2.0, 1.0]}, "map_noise = .*: must hold every number once"),
+        ({"map_noise": [1e300]}, "map_noise = 1e.300: must be .*at most 1000"),
+        ({"map_interval": [0.0]}, "map_interval = 0.0: must be a finite number at least 0.001"),
+        ({"map_interval": [0.3, 0.5]}, "map_interval = 0.5: must be a multiple of .* 0.3"),
+        ({"map_interval": [0.5, 0.3]}, "map_interval = 0.5: must be a multiple of .* 0.3"),
+        ({"map_interval": [0.01]}, "filter_step = 0.05: must divide map_interval = 0.01 evenly"),
+        ({"map_interval": [0.5, 0.5]}, "map_interval = .*: must hold every number once"),
+        ({"map_interval": [0.05, 997.0]}, "map_interval = .*map_step"),
         ({"seed": 1.5}, "seed = 1.5: must be an integer of at least 0"),
-        ({"strong_noise": float("nan")}, "strong_noise = nan: must be a finite number above 0"),
+        ({"strong_noise": float("nan")}, "strong_noise = nan: must be a finite number"),
     ],
 )
 def test_bad_parameter_is_one_line(change, message):

@@ -181,7 +181,9 @@ def test_noise_must_be_positive(noise):
         lambda: pcrb.expected_pcrb(slopes(3)[None], noise, P0, Q),
         lambda: pcrb.information(np.ones((2, 2, 2)), noise),
     ):
-        with pytest.raises(ParameterError, match=r"^noise = .*: must be a finite number above 1e-100 and"):
+        with pytest.raises(
+            ParameterError, match=r"^noise = .*: must be a finite number above 1e-100 and"
+        ):
             call()
 
 

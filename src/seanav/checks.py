@@ -49,6 +49,30 @@ def number(name, value, *, above=-math.inf, at_least=-math.inf, below=math.inf, 
     return float(value)
 
 
+def parts(name, part, whole_name, whole, *, at_most=100_000):
+    """Return how many times the time `part` fits into `whole`, else raise `ParameterError`.
+
+    It must fit evenly: what a rounded number of steps reaches is not the time that labels
+    it. `at_most` bounds the work before it starts.
+
+    Examples
+    --------
+    >>> parts("step", 0.02, "interval", 0.5)
+    25
+    >>> parts("step", 0.02, "interval", 0.25)
+    Traceback (most recent call last):
+    seanav.checks.ParameterError: step = 0.02: must divide interval = 0.25 evenly
+    """
+    part, whole = number(name, part, above=0), number(whole_name, whole, above=0)
+    count = whole / part
+    if count > at_most:
+        allowed = f"must cut {whole_name} = {whole:g} into at most {at_most} parts"
+        raise ParameterError(name, part, allowed)
+    if round(count) < 1 or abs(count - round(count)) > 1e-9 * count:
+        raise ParameterError(name, part, f"must divide {whole_name} = {whole:g} evenly")
+    return round(count)
+
+
 def choice(name, value, allowed):
     """Return `value` if it is one of `allowed`, else raise `ParameterError`."""
     options = list(allowed)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from seanav import checks
 from seanav._compile import kernel
-from seanav.checks import ParameterError, integer
-from seanav.filters.generated import steps_within
+from seanav.checks import ParameterError
 
 
 @kernel
@@ -89,34 +89,67 @@ def _update(mean, P, predicted, H, R, z, nis):
                 P[run, i, j] = P[run, j, i] = total
 
 
-def update(mean, P, z, R, H=None, predicted=None, spread=None):
+def update(mean, P, z, R, H, predicted=None, spread=None):
     """Correct `mean` and `P` in place with a measurement; return the NIS, shape (runs,).
 
     Parameters
     ----------
     mean : ndarray, shape (runs, n); P : ndarray, shape (runs, n, n)
-    z : ndarray, shape (runs, k)
-    R : ndarray, shape (k, k)
-        Covariance of the measurement noise.
-    H : ndarray, shape (k, n) or (runs, k, n)
-    predicted : ndarray, shape (runs, k), optional
+        Writable arrays of float64, C-contiguous.
+    z : array, shape (runs, k)
+    R : array, shape (k, k)
+        Covariance of the measurement noise, positive definite.
+    H : array, shape (k, n) or (runs, k, n)
+    predicted : array, shape (runs, k), optional
         Default: H mean, a linear measurement.
-    spread : ndarray, shape (runs, k, k), optional
+    spread : array, shape (runs, k, k), optional
         Second-order part of the innovation covariance (`moments.measurement`).
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If shapes do not fit, a number is not finite or `R` or `P` is no covariance.
 
     References
     ----------
     Jazwinski (1970), theorem 8.1 and section 9.3; R. S. Bucy and P. D. Joseph,
     *Filtering for Stochastic Processes*, 1968, for the form of the covariance.
     """
-    H, R = (np.ascontiguousarray(np.atleast_3d(a.T).T, dtype=float) for a in (H, R))
+    sizes = {}
+    mean = checks.in_place("mean", mean, ("runs", "states"), sizes)
+    P = checks.in_place("P", P, ("runs", "states", "states"), sizes)
+    z = checks.array("z", z, ("runs", "measurements"), sizes)
+    R = checks.covariance("R", R, z.shape[1], definite=True)
+    H, predicted, spread = _expansion(H, predicted, spread, sizes)
+    variances = np.diagonal(P, axis1=1, axis2=2)
+    if (variances < 0).any():
+        raise ParameterError("P", float(variances.min()), "must have no variance below zero")
+    scale = np.sqrt(variances.max())  # rounding only, whatever the units
+    if np.abs(P - P.transpose(0, 2, 1)).max() > 1e-9 * scale**2:
+        raise ParameterError("P", P.shape, "must be symmetric, run by run")
+    return _corrected(mean, P, z, R, H, predicted, spread)
+
+
+def _expansion(H, predicted, spread, sizes):
+    """Return the checked linear or expanded measurement; H as (runs or 1, k, n)."""
+    each = np.ndim(H) == 3
+    shape = ("runs", "measurements", "states") if each else ("measurements", "states")
+    H = checks.array("H", H, shape, sizes)
+    if predicted is not None:
+        predicted = checks.array("predicted", predicted, ("runs", "measurements"), sizes)
+    if spread is not None:
+        shape = ("runs", "measurements", "measurements")
+        spread = checks.array("spread", spread, shape, sizes)
+    return H if each else H[None], predicted, spread
+
+
+def _corrected(mean, P, z, R, H, predicted=None, spread=None):
+    """`update` of what has been checked; H is (runs or 1, k, n)."""
     if predicted is None:
         predicted = np.einsum("rai,ri->ra", np.broadcast_to(H, (len(mean), *H.shape[1:])), mean)
-    if spread is not None:
-        R = R + spread
+    R = R[None] if spread is None else R + spread
     nis = np.empty(len(mean))
-    z = np.ascontiguousarray(z, dtype=float)
-    _update(mean, P, np.ascontiguousarray(predicted), H, np.ascontiguousarray(R), z, nis)
+    _update(mean, P, np.ascontiguousarray(predicted), H, R, z, nis)
     return nis
 
 
@@ -138,67 +171,104 @@ class Track:
     nis: np.ndarray
 
 
-def checked_noise(R):
-    """Return `R` as (k, k) array, or raise `ParameterError` if it is no covariance."""
-    R = np.asarray(R, dtype=float)
-    square = R.ndim == 2 and R.shape[0] == R.shape[1]
-    if not square or not np.isfinite(R).all() or not np.allclose(R, R.T):
-        raise ParameterError("R", R.tolist(), "must be a symmetric matrix")
-    if np.linalg.eigvalsh(R).min() <= 0:
-        raise ParameterError("R", R.tolist(), "must be positive definite")
-    return R
+def _prepared(x0, P0, z, interval, step, R, H, definite):
+    """Return the checked arguments that all filters share, and the steps of an interval."""
+    sizes = {}
+    z = checks.array("z", z, ("runs", "samples", "measurements"), sizes)
+    x0 = checks.array("x0", x0, ("states",), sizes)
+    P0 = checks.covariance("P0", P0, len(x0), definite=definite)
+    if R is not None:
+        R = checks.covariance("R", R, z.shape[2], definite=True)
+        if not callable(H):
+            H = checks.array("H", H, ("measurements", "states"), sizes)
+    return x0, P0, z, R, H, checks.parts("step", step, "interval", interval)
 
 
-def run(propagate, x0, P0, z, interval, step, R=None, H=None, forces=None, parameters=()):
+@kernel
+def _set_aside(mean, P, gone, limit, x0, P0):
+    # Marks runs that have diverged; the prior takes their place, to do no harm in the batch.
+    runs, n = mean.shape
+    some = False
+    for run in range(runs):
+        for i in range(n):
+            # Written so that NaN counts as diverged.
+            if not (abs(mean[run, i]) < limit and P[run, i, i] >= 0.0):
+                gone[run] = True
+            for j in range(n):
+                if not abs(P[run, i, j]) < limit * limit:
+                    gone[run] = True
+        if gone[run]:
+            some = True
+            mean[run] = x0
+            P[run] = P0
+    return some
+
+
+def run(
+    propagate, x0, P0, z, interval, step, R=None, H=None, forces=None, parameters=(), limit=1e100
+):
     """Run a continuous–discrete filter on a batch of measurement records.
 
     Parameters
     ----------
     propagate : seanav.filters.generated.Propagator
-    x0 : ndarray, shape (n,); P0 : ndarray, shape (n, n)
-        Prior at time 0.
-    z : ndarray, shape (runs, samples - 1, k)
+    x0 : array, shape (n,); P0 : array, shape (n, n)
+        Prior at time 0; a certain start, P0 = 0, is allowed.
+    z : array, shape (runs, samples - 1, k)
         Measurements at the times `interval`, 2 `interval`, …
     interval, step : float
-        Between measurements, and the largest integration step, s.
-    R : ndarray, shape (k, k), optional
-        None: never correct (the one-stage estimator, prediction only).
-    H : ndarray (k, n) or seanav.filters.generated.Predictor
+        Between measurements and of the integration, s; the step divides the interval.
+    R : array, shape (k, k), optional
+        Positive definite. None: never correct (the one-stage estimator, prediction only).
+    H : array (k, n) or seanav.filters.generated.Predictor
         Linear measurement, or one that is expanded to second order.
     forces : callable, optional
         Inputs at given times: (times,) -> (times, inputs).
     parameters : sequence of float
+    limit : float
+        A run has diverged, and is NaN from then on, when its mean leaves ±`limit`, its
+        covariance ±`limit`², or a variance is negative. The others go on.
 
     Returns
     -------
     Track
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If shapes do not fit, a number is not finite, `R` or `P0` is no covariance, or the
+        step does not divide the interval.
     """
-    runs, count = z.shape[:2]
-    n = len(x0)
-    mean = np.tile(np.asarray(x0, dtype=float), (runs, 1))
-    P = np.tile(np.asarray(P0, dtype=float), (runs, 1, 1))
-    if R is not None:
-        R = checked_noise(R)
+    x0, P0, z, R, H, steps = _prepared(x0, P0, z, interval, step, R, H, definite=False)
+    limit = checks.number("limit", limit, above=0, at_most=1e100)
+    (runs, count, k), n = z.shape, len(x0)
+    mean, P = np.tile(x0, (runs, 1)), np.tile(P0, (runs, 1, 1))
     means, Ps = np.empty((runs, count + 1, n)), np.empty((runs, count + 1, n, n))
     nis = np.full((runs, count + 1), np.nan)
     means[:, 0], Ps[:, 0] = mean, P
-    steps = steps_within(interval, step)
-    for k in range(count):
-        times = interval * (k + np.arange(2 * steps + 1) / (2 * steps))
-        propagate(mean, P, interval, step, forces(times) if forces else None, parameters)
+    gone = np.zeros(runs, dtype=bool)
+    for t in range(count):
+        times = interval * (t + np.arange(2 * steps + 1) / (2 * steps))
+        inputs = forces(times) if forces else None
+        propagate(mean, P, interval, interval / steps, inputs, parameters)
         if R is not None and callable(H):
-            now = forces(times[-1:]) if forces else None
-            predicted, slope, spread = H(mean, P, now, parameters)
-            nis[:, k + 1] = update(mean, P, z[:, k], R, slope, predicted, spread)
+            _set_aside(mean, P, gone, limit, x0, P0)
+            inputs = forces(times[-1:]) if forces else None
+            predicted, slope, spread = H(mean, P, inputs, parameters)
+            sizes = {"runs": runs, "measurements": k, "states": n}
+            expanded = _expansion(slope, predicted, spread, sizes)
+            nis[:, t + 1] = _corrected(mean, P, z[:, t], R, *expanded)
         elif R is not None:
-            nis[:, k + 1] = update(mean, P, z[:, k], R, H)
-        means[:, k + 1], Ps[:, k + 1] = mean, P
+            nis[:, t + 1] = _corrected(mean, P, z[:, t], R, H[None])
+        some_gone = _set_aside(mean, P, gone, limit, x0, P0)
+        means[:, t + 1], Ps[:, t + 1] = mean, P
+        if some_gone:
+            means[gone, t + 1], Ps[gone, t + 1], nis[gone, t + 1] = np.nan, np.nan, np.nan
     return Track(means, Ps, nis)
 
 
 @kernel
-def systematic(weights, offset):
-    """Return the indices of systematic resampling, for weights that sum to one."""
+def _systematic(weights, offset):
     count = len(weights)
     chosen = np.empty(count, np.int64)
     total, source = weights[0], 0
@@ -211,16 +281,56 @@ def systematic(weights, offset):
     return chosen
 
 
+def systematic(weights, offset):
+    """Return the indices of systematic resampling, (particles,).
+
+    Parameters
+    ----------
+    weights : array, shape (particles,)
+        Not negative, sum one.
+    offset : float
+        Uniform in [0, 1).
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If the weights or the offset are not such.
+    """
+    weights = checks.array("weights", weights, ("particles",))
+    if weights.min() < 0:
+        raise ParameterError("weights", float(weights.min()), "must not be negative")
+    if abs(weights.sum() - 1) > 1e-9:
+        raise ParameterError("weights", float(weights.sum()), "must be weights that sum to one")
+    return _systematic(weights, checks.number("offset", offset, at_least=0, below=1))
+
+
 def particle_filter(
-    simulate, x0, P0, z, interval, step, R, H, generators, particles, forces=None, parameters=()
+    simulate,
+    x0,
+    P0,
+    z,
+    interval,
+    step,
+    R,
+    H,
+    generators,
+    particles,
+    forces=None,
+    parameters=(),
+    limit=1e100,
 ):
     """Run a bootstrap particle filter on each record, systematic resampling at each sample.
 
     Parameters
     ----------
     simulate : seanav.filters.generated.Simulator
+    P0 : array, shape (n, n)
+        Positive definite: the cloud is drawn from it.
     generators : list of numpy.random.Generator, one per run
     particles : int
+    limit : float
+        A particle that leaves ±`limit` has exploded and carries no weight; a run without
+        any other has diverged and is NaN from there on.
 
     Others as in `run`; `H` is a (k, n) array.
 
@@ -230,18 +340,25 @@ def particle_filter(
         `nis` holds the effective sample size 1/Σw² before resampling: near 1 the
         filter has collapsed and is no reference.
 
+    Raises
+    ------
+    seanav.checks.ParameterError
+        As `run`.
+
     References
     ----------
     N. J. Gordon, D. J. Salmond and A. F. M. Smith, "Novel approach to
     nonlinear/non-Gaussian Bayesian state estimation", *IEE Proceedings F* 140 (1993).
     """
-    integer("particles", particles, at_least=2)
-    runs, count = z.shape[:2]
-    n = len(x0)
-    inverse = np.linalg.inv(checked_noise(R))
-    root = np.linalg.cholesky(P0)
-    steps = steps_within(interval, step)
-    means, Ps = np.empty((runs, count + 1, n)), np.empty((runs, count + 1, n, n))
+    checks.integer("particles", particles, at_least=2)
+    x0, P0, z, R, H, steps = _prepared(x0, P0, z, interval, step, R, H, definite=True)
+    limit = checks.number("limit", limit, above=0, at_most=1e100)
+    (runs, count, _), n = z.shape, len(x0)
+    if len(generators) != runs:
+        allowed = f"must be {runs} random generators, one per run of z"
+        raise ParameterError("generators", f"{len(generators)} of them", allowed)
+    inverse, root = np.linalg.inv(R), np.linalg.cholesky(P0)
+    means, Ps = np.full((runs, count + 1, n), np.nan), np.full((runs, count + 1, n, n), np.nan)
     sizes = np.full((runs, count + 1), np.nan)
     means[:, 0], Ps[:, 0] = x0, P0
     for r, generator in enumerate(generators):
@@ -251,13 +368,18 @@ def particle_filter(
             noise = generator.standard_normal((particles, steps, simulate.model.diffusion.shape[1]))
             inputs = forces(times) if forces else None
             simulate(x, noise, interval / steps, inputs, parameters, steps)
+            exploded = ~(np.abs(x) < limit).all(axis=1)
+            if exploded.all():
+                break
+            x[exploded] = x0
             residual = z[r, k] - np.einsum("ai,pi->pa", H, x)
             log = -0.5 * np.einsum("pa,ab,pb->p", residual, inverse, residual)
+            log[exploded] = -np.inf
             weights = np.exp(log - log.max())
             weights /= weights.sum()
             means[r, k + 1] = np.einsum("p,pi->i", weights, x)
             offset = x - means[r, k + 1]
             Ps[r, k + 1] = np.einsum("pi,pj->ij", weights[:, None] * offset, offset)
             sizes[r, k + 1] = 1.0 / (weights**2).sum()
-            x = x[systematic(weights, generator.random())]
+            x = x[_systematic(weights, generator.random())]
     return Track(means, Ps, sizes)

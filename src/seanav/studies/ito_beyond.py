@@ -17,16 +17,17 @@ from seanav.studies import ito_filter as study
 def second_order_map(scenario, vehicle) -> list:
     """Return rows (noise factor, interval, error of the Gaussian closure over the EKF's).
 
-    Linear velocities measured with variance `map_R`; half the mission; the last entry of
-    a row is a paired `Estimate`.
+    Linear velocities measured with variance `map_R`, for `map_mission` s; truth in steps of
+    `map_step`, which divides every interval, and the same for all of them. The last entry
+    of a row is a paired `Estimate`, or None if a filter diverged.
     """
     case = study.Case(1, (0, 1, 2), scenario.map_R, "map")
     finest = min(scenario.map_interval)
+    about = {"keep": finest, "mission": scenario.map_mission, "step": "map_step"}
     rows = []
     for factor in scenario.map_noise:
         noise = factor * scenario.noise(vehicle)
-        mission = max(scenario.mission / 2, 2 * max(scenario.map_interval))
-        fine = study.simulate(scenario, vehicle, noise, keep=finest, mission=mission)
+        fine = study.simulate(scenario, vehicle, noise, **about)
         for interval in scenario.map_interval:
             every = round(interval / finest)
             truth = replace(fine, times=fine.times[::every], x=fine.x[:, ::every])

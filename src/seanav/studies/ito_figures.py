@@ -54,17 +54,20 @@ def overview(result, run=0):
 def second_order_map(maps):
     """Draw error of the second-order filter over the EKF's, by noise and interval."""
     fig, axes = plt.subplots(1, len(maps), figsize=(8.4, 3.6))
-    lowest = min(row[2].value for rows in maps.values() for row in rows)
+    gains = [row[2] for rows in maps.values() for row in rows]
+    lowest = min([1.0, *(gain.value for gain in gains if gain is not None)])
     for ax, (vehicle, rows) in zip(axes, maps.items(), strict=True):
-        factors, intervals = (sorted({row[k] for row in rows}) for k in (0, 1))
-        values = np.array([row[2].value for row in rows]).reshape(len(factors), -1)
+        factors, intervals = (list(dict.fromkeys(row[k] for row in rows)) for k in (0, 1))
+        values = [np.nan if row[2] is None else row[2].value for row in rows]
+        values = np.reshape(values, (len(factors), -1))
         shade = ax.imshow(values, origin="lower", vmin=lowest, vmax=1.0, aspect="auto")
         for index, (_, _, gain) in enumerate(rows):
             a, b = divmod(index, len(intervals))
-            mark = "*" if gain.high < 1 else ""
-            dark = gain.value < 0.5 * (1 + lowest)
-            colour = "white" if dark else "black"
-            ax.text(b, a, f"{gain.value:.3f}{mark}", ha="center", va="center", color=colour)
+            text, colour = "diverged", "black"
+            if gain is not None:
+                text = f"{gain.value:.3f}{'*' if gain.high < 1 else ''}"
+                colour = "white" if gain.value < 0.5 * (1 + lowest) else "black"
+            ax.text(b, a, text, ha="center", va="center", color=colour)
         ax.set_xticks(range(len(intervals)), [f"{x:g}" for x in intervals])
         ax.set_yticks(range(len(factors)), [f"{x:g}" for x in factors])
         ax.set(xlabel="measurement interval (s)", ylabel="noise factor", title=vehicle)

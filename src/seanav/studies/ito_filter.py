@@ -5,6 +5,7 @@ Measurement and Control* (2021). The scenario, the simulated truth, the filters,
 scores. What goes beyond the paper is in `seanav.studies.ito_beyond`.
 """
 
+import math
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -14,7 +15,12 @@ from scipy import stats
 from seanav import checks, estimates, montecarlo
 from seanav.filters import continuous_discrete, generated, moments
 from seanav.models import bodies
+from seanav.report import Condition, significant
 
+LIMIT = 1e6  # m/s and rad/s; whatever is faster has diverged
+SHORTEST, LONGEST = 1e-4, 1e5  # s, of a step and of a mission
+STEPS = 100_000  # of one run, at most
+MEMORY = 4.0  # GiB that the tracks of a study may take
 BATCH = 50  # runs per unit of parallel work; fixed, so that results do not depend on threads
 COMPONENTS = bodies.STATES
 UNITS = ("m/s",) * 3 + ("rad/s",) * 3
@@ -65,42 +71,95 @@ class Scenario:
     particle_runs: int = 12
     map_noise: tuple = (0.5, 1.0, 2.0, 4.0)
     map_interval: tuple = (0.25, 0.5, 1.0, 2.0)
+    map_step: float = 0.01
     map_R: float = 0.01
     seed: int = 2021
 
     def __post_init__(self):
         integer, number = checks.integer, checks.number
         for vehicle in VEHICLES:
-            for part, lowest in (("start", -np.inf), ("variance", 0.0), ("noise", 0.0)):
-                self._numbers(f"{vehicle}_{part}", 6, lowest)
-        for name in ("strong_noise", "small_R", "large_R", "map_R", "interval", "mission"):
-            number(name, getattr(self, name), above=0)
-        number("mission", self.mission, at_least=2 * self.interval)
-        for name in ("torpedo_step", "sphere_step", "filter_step"):
-            number(name, getattr(self, name), above=0, at_most=self.interval)
-        for vehicle in VEHICLES:
-            self._divides(f"{vehicle}_step", "interval", self.interval)
-        self._divides("interval", "mission", self.mission)
-        integer("runs", self.runs, at_least=2)
-        integer("particles", self.particles, at_least=2)
-        integer("particle_runs", self.particle_runs, at_least=2, at_most=self.runs)
-        self._numbers("map_noise", None, 0.0)
-        self._numbers("map_interval", None, 0.0)
+            self._numbers(f"{vehicle}_start", 6, -1e3, 1e3)
+            self._numbers(f"{vehicle}_variance", 6, 1e-12, 1e4)
+            self._numbers(f"{vehicle}_noise", 6, 1e-6, 1e3)
+        number("strong_noise", self.strong_noise, at_least=1e-3, at_most=1e3)
+        for name in ("small_R", "large_R", "map_R"):
+            number(name, getattr(self, name), at_least=1e-12, at_most=1e12)
+        self._numbers("map_noise", None, 1e-3, 1e3)
+        self._numbers("map_interval", None, 1e-3, LONGEST / 2)
+        number("interval", self.interval, at_least=1e-3, at_most=LONGEST / 2)
+        number("mission", self.mission, at_least=2 * self.interval, at_most=LONGEST)
+        for name in ("torpedo_step", "sphere_step", "filter_step", "map_step"):
+            number(name, getattr(self, name), at_least=SHORTEST)
+        self._times()
         integer("seed", self.seed, at_least=0)
+        integer("runs", self.runs, at_least=2)
+        integer("particle_runs", self.particle_runs, at_least=2)
+        if self.particle_runs > self.runs:
+            allowed = f"must be an integer of at least 2 and at most runs = {self.runs}"
+            raise checks.ParameterError("particle_runs", self.particle_runs, allowed)
+        integer("particles", self.particles, at_least=2)
+        self._memory()
 
-    def _numbers(self, name, count, above):
+    def _times(self):
+        """Refuse a step that does not divide a time it is used with, or is far too short."""
+        divides = checks.parts
+        divides("interval", self.interval, "mission", self.mission, at_most=STEPS)
+        for name in ("torpedo_step", "sphere_step", "filter_step"):
+            step = getattr(self, name)
+            count = divides(name, step, "interval", self.interval, at_most=STEPS)
+            divides(name, step, "mission", self.mission, at_most=STEPS)
+            if name == "torpedo_step" and count % 2:
+                allowed = "twice it, the step of the particle filter, must divide interval = "
+                raise checks.ParameterError(name, step, f"{allowed}{self.interval:g} evenly")
+        finest = min(self.map_interval)
+        for length in self.map_interval:
+            if abs(length / finest - round(length / finest)) > 1e-9 * length / finest:
+                allowed = f"must be a multiple of the shortest one, {finest:g}"
+                raise checks.ParameterError("map_interval", length, allowed)
+        for name in ("map_step", "filter_step"):
+            divides(name, getattr(self, name), "map_interval", finest, at_most=STEPS)
+        if self.map_mission / min(self.map_step, self.filter_step) > STEPS:
+            allowed = f"need {self.map_mission:g} s, the least that each divides, and with this "
+            allowed += f"map_step and filter_step more than {STEPS} steps"
+            raise checks.ParameterError("map_interval", self.map_interval, allowed)
+
+    def _memory(self):
+        """Refuse numbers of runs, samples and particles that fill the memory."""
+        number = 6 + 36 + 1  # mean, covariance, NIS
+        # Of every case at both strengths of the noise a track is kept; beside them there
+        # are the tracks and the truth of the case, or of the row of the map, in work.
+        kept = 12 * number + 4 * number + 4 * 6
+        map_samples = self.map_mission / min(self.map_interval) + 1
+        samples = kept * (self.mission / self.interval + 1) + (3 * number + 6) * map_samples
+        most = int(MEMORY * 2**30 / (8 * samples))
+        if self.runs > most:
+            allowed = f"must be at most {most} to keep all samples of this mission, interval and "
+            allowed += f"map_interval in {MEMORY:g} GiB"
+            raise checks.ParameterError("runs", self.runs, allowed)
+        most = int(MEMORY / 4 * 2**30 / (8 * 6 * self.interval / (2 * self.torpedo_step)))
+        if self.particles > most:
+            allowed = f"must be at most {most} to keep the noise of this interval and torpedo_step "
+            allowed += f"in {MEMORY / 4:g} GiB"
+            raise checks.ParameterError("particles", self.particles, allowed)
+
+    def _numbers(self, name, count, low, high):
         value = getattr(self, name)
-        wanted = f"must be {count or 'one or more'} numbers"
-        usable = hasattr(value, "__iter__") and not isinstance(value, (str, bytes))
-        if not usable or len(value) == 0 or (count and len(value) != count):
-            raise checks.ParameterError(name, value, wanted)
-        checked = tuple(checks.number(name, entry, above=above) for entry in value)
-        object.__setattr__(self, name, checked)
+        usable = hasattr(value, "__iter__") and not isinstance(value, (str, bytes, dict, set))
+        entries = tuple(value) if usable else ()
+        if not (len(entries) == count if count else 1 <= len(entries) <= 20):
+            raise checks.ParameterError(name, value, f"must be {count or '1 to 20'} numbers")
+        entries = tuple(checks.number(name, e, at_least=low, at_most=high) for e in entries)
+        if count is None and len(set(entries)) < len(entries):
+            raise checks.ParameterError(name, value, "must hold every number once")
+        object.__setattr__(self, name, entries)
 
-    def _divides(self, name, whole_name, whole):
-        part = getattr(self, name)
-        if abs(whole / part - round(whole / part)) > 1e-9:
-            raise checks.ParameterError(name, part, f"must divide {whole_name} = {whole:g} evenly")
+    @property
+    def map_mission(self):
+        """Length of the map's runs: half the mission, or the next that each interval divides."""
+        finest = min(self.map_interval)
+        common = math.lcm(*(round(length / finest) for length in self.map_interval)) * finest
+        least = max(self.mission / 2, 2 * max(self.map_interval))
+        return common * math.ceil(least / common - 1e-9)
 
     def quick(self):
         """Return the scenario with a tenth of the runs."""
@@ -173,14 +232,36 @@ class Truth:
     x: np.ndarray
 
 
-def simulate(scenario, vehicle, noise=None, keep=None, mission=None) -> Truth:
-    """Simulate the runs of a vehicle, a state every `keep` s (default: the interval)."""
+def simulate(scenario, vehicle, noise=None, keep=None, mission=None, step=None) -> Truth:
+    """Simulate the runs of a vehicle.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    vehicle : str
+    noise : array, shape (6,), optional
+        Diffusion; default: the scenario's.
+    keep, mission : float, optional
+        Time between the states that are kept and of all, s; default: interval and mission
+        of the scenario.
+    step : str, optional
+        Name of the scenario's step, Euler–Maruyama; default: the vehicle's.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If the step does not divide `keep`, or `keep` the mission; if the vehicle explodes,
+        which is the fault of the step.
+    """
     craft = bodies.BODIES[vehicle]
     noise = scenario.noise(vehicle) if noise is None else noise
-    step = getattr(scenario, f"{vehicle}_step")
+    name = step or f"{vehicle}_step"
+    step = getattr(scenario, name)
     mission = scenario.mission if mission is None else mission
-    steps = round(mission / step)
     keep = scenario.interval if keep is None else keep
+    steps = checks.parts(name, step, "mission", mission, at_most=STEPS)
+    every = checks.parts(name, step, "keep", keep, at_most=STEPS)
+    checks.parts("keep", keep, "mission", mission, at_most=STEPS)
     parameters = craft.parameters(noise)
     forces = craft.forces(np.arange(steps + 1) * step)
     x0, P0 = scenario.prior(vehicle)
@@ -191,11 +272,13 @@ def simulate(scenario, vehicle, noise=None, keep=None, mission=None) -> Truth:
 
     def batch(chosen):
         normal = np.array([generators[r].standard_normal((steps, 6)) for r in chosen])
-        every = round(keep / step)
         return move(starts[chosen], normal, step, forces, parameters, every)
 
     tracks = montecarlo.parallel_map(batch, batches(scenario.runs), label=f"{vehicle}, truth")
     x = np.concatenate(tracks)
+    if not (np.abs(x) < LIMIT).all():
+        allowed = f"is too long for {vehicle}_noise and {vehicle}_start: the {vehicle} diverges"
+        raise checks.ParameterError(name, step, allowed)
     return Truth(vehicle, parameters, np.arange(x.shape[1]) * keep, x)
 
 
@@ -224,7 +307,7 @@ def estimate(scenario, truth, case, closure="gaussian", corrected=True):
     def batch(chosen):
         return continuous_discrete.run(
             propagate, x0, P0, z[chosen], interval, scenario.filter_step, R, case.H, forces,
-            truth.parameters,
+            truth.parameters, limit=LIMIT,
         )  # fmt: skip
 
     # Without corrections every run is the same: one stands for all.
@@ -249,7 +332,7 @@ def particles(scenario, truth, case):
         return continuous_discrete.particle_filter(
             move, x0, P0, z[r : r + 1], truth.times[1], 2 * scenario.torpedo_step,
             case.R * np.eye(3), case.H, generators[r : r + 1], scenario.particles, forces,
-            truth.parameters,
+            truth.parameters, limit=LIMIT,
         )  # fmt: skip
 
     tracks = montecarlo.parallel_map(one, range(scenario.particle_runs), label="particles")
@@ -263,6 +346,8 @@ def particles(scenario, truth, case):
 @dataclass(frozen=True, eq=False)
 class Score:
     """Errors of one filter, a number per run; the start is not counted.
+
+    A run in which the filter diverged has NaN; what needs it is None then, see `shown`.
 
     Attributes
     ----------
@@ -286,8 +371,39 @@ class Score:
         return estimates.root_mean_square(self.squared[:, component])
 
     def own_sd_ratio(self, component):
-        """Return the filter's own standard deviation over its RMSE, an `Estimate`."""
+        """Return the filter's own standard deviation over its RMSE, an `Estimate`, or None."""
         return root_ratio(self.variance[:, component], self.squared[:, component])
+
+    def mean_nees(self):
+        """Return the mean NEES, an `Estimate`, or None."""
+        return unless_diverged(estimates.mean, self.nees)
+
+
+def unless_diverged(function, *samples):
+    """Return ``function(*samples)``, or None if a run has diverged: a sample is not finite."""
+    return function(*samples) if all(np.isfinite(part).all() for part in samples) else None
+
+
+def shown(estimate, digits=3):
+    """Return a number as text; None, the score of a filter that diverged, says so."""
+    return "diverged" if estimate is None else significant(estimate, digits)
+
+
+def entry(estimate, attribute="value"):
+    """Return an end or the value of an `Estimate` for a table; None says that it diverged."""
+    return "diverged" if estimate is None else float(getattr(estimate, attribute))
+
+
+def condition(what, estimate, low=-np.inf, high=np.inf):
+    """Return a condition of a claim on an `Estimate` or an exact number.
+
+    None or NaN, from a filter that diverged, fails whatever the region.
+    """
+    if isinstance(estimate, float):
+        estimate = estimates.exact(estimate) if np.isfinite(estimate) else None
+    if estimate is None:
+        return Condition(f"{what}: filters that diverged", estimates.exact(1), high=0)
+    return Condition(what, estimate, low, high)
 
 
 def score(truth, track, consistency=True) -> Score:
@@ -303,6 +419,7 @@ def score(truth, track, consistency=True) -> Score:
     if consistency:
         whitened = np.linalg.solve(P, error[..., None])[..., 0]
         nees = (error * whitened).sum(axis=-1)
+        nees[nees < 0] = np.nan  # a P that is no covariance any more
     variance = np.diagonal(P, axis1=2, axis2=3).mean(axis=1)
     return Score((error**2).mean(axis=1), variance, nees.mean(axis=1), nees.mean(axis=0))
 
@@ -313,7 +430,11 @@ def nees_band(runs, states=6):
 
 
 def root_ratio(a, b):
-    """Return √(mean a / mean b) of per-run scores (runs,), paired, as an `Estimate`."""
+    """Return √(mean a / mean b) of per-run scores (runs,), paired, as an `Estimate`, or None."""
+    return unless_diverged(_root_ratio, a, b)
+
+
+def _root_ratio(a, b):
     value = float(np.sqrt(a.mean() / b.mean()))
     return estimates.from_influence(value, 0.5 * value * (a / a.mean() - b / b.mean()))
 
@@ -333,14 +454,14 @@ class Result:
     scores: dict
 
     def over_open_loop(self, component, name="gaussian"):
-        """Return RMSE of a filter over that of prediction only, an `Estimate`."""
+        """Return RMSE of a filter over that of prediction only, an `Estimate`, or None."""
         return root_ratio(
             self.scores[name].squared[:, component],
             self.scores["prediction only"].squared[:, component],
         )
 
     def gain(self, name="gaussian", other="ekf"):
-        """Return the total error of a filter over another's, paired, an `Estimate`."""
+        """Return the total error of a filter over another's, paired, an `Estimate`, or None."""
         open_loop = self.scores["prediction only"]
         return root_ratio(total(self.scores[name], open_loop), total(self.scores[other], open_loop))
 
@@ -366,7 +487,8 @@ def run_all(scenario, strength=1.0) -> dict:
 def open_loop_limit(scenario, truth, case, R):
     """Return the largest difference between the filter with noise `R` and prediction only.
 
-    In units of the open-loop standard deviation: how near the limit R → ∞ is.
+    In units of the open-loop standard deviation: how near the limit R → ∞ is. NaN if a
+    filter diverged.
     """
     far = estimate(scenario, truth, replace(case, R=R))
     free = estimate(scenario, truth, case, corrected=False)
@@ -406,6 +528,7 @@ def origins(scenario) -> list:
         "filter_step": "Runge–Kutta; ours",
         **dict.fromkeys(("runs", "particles", "particle_runs", "seed"), ours),
         **dict.fromkeys(("map_noise", "map_interval", "map_R"), ours),
+        "map_step": "ours; of both vehicles, divides every map_interval",
     }
     speed, turn = "m/s", "rad/s"
     units = {
@@ -415,7 +538,7 @@ def origins(scenario) -> list:
     }
     units = {f"{vehicle}_{part}": unit for vehicle in VEHICLES for part, unit in units.items()}
     units |= {"small_R": f"({speed})²", "map_R": f"({speed})²", "large_R": units["sphere_variance"]}
-    units |= dict.fromkeys(("interval", "mission", "map_interval", "filter_step"), "s")
+    units |= dict.fromkeys(("interval", "mission", "map_interval", "map_step", "filter_step"), "s")
     units |= {f"{vehicle}_step": "s" for vehicle in VEHICLES}
     for name in Scenario.__dataclass_fields__:
         note = notes.get(name, "lost in the text")
