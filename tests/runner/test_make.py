@@ -42,30 +42,6 @@ def planned(root, *arguments):
     return [" ".join(call.split()) for call in calls if call]
 
 
-@pytest.fixture(scope="module")
-def full_run(tmp_path_factory):
-    """A checkout whose one paper has run at full scale, once for all tests."""
-    root = empty_checkout(tmp_path_factory.mktemp("full") / "checkout")
-    save(root, cell(STUDY), cell(REPORT), cell(FINISH))
-    with pytest.MonkeyPatch.context() as patch:
-        for name in ("SEANAV_RESULTS", "SEANAV_PROGRESS"):
-            patch.setenv(name, "")
-        runner.run(root, "9_tiny")
-    return root
-
-
-@pytest.fixture
-def finished(full_run, tmp_path):
-    """A copy of that checkout, time stamps included."""
-    return shutil.copytree(full_run, tmp_path / "finished")
-
-
-@pytest.fixture
-def root(tmp_path):
-    """An empty checkout."""
-    return empty_checkout(tmp_path / "empty")
-
-
 def borrow(root):
     """Give a checkout an environment in which it finds the packages of this one."""
     command = [sys.executable, "-m", "venv", "--without-pip", root / ".venv"]
@@ -103,7 +79,7 @@ def pretend(root):
 def test_make_runs_what_a_changed_file_concerns(finished):
     assert planned(finished) == []
     package = finished / "src" / "seanav"
-    for path in (package / "runner" / "run.py", package / "studies" / "__init__.py"):
+    for path in (package / "__main__.py", package / "studies" / "__init__.py"):
         os.utime(path, (2e9, 2e9))  # no notebook imports them
     assert planned(finished) == []
     files = ("notebooks/9_tiny.ipynb", "src/seanav/report.py", "src/seanav/seanav.mplstyle")
