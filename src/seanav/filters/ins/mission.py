@@ -35,7 +35,7 @@ from seanav.filters.ins.score import (
     score,
 )
 from seanav.filters.ins.states import difference, shift
-from seanav.filters.ins.update import LINEARISED, adapt, empty_look, update
+from seanav.filters.ins.update import LINEARISED, SEEN, adapt, update
 
 DT = 1.0  # s
 
@@ -107,6 +107,7 @@ class Work(NamedTuple):
     rings: np.ndarray  # (models, window + 3, LANES), see `update.adapt`
     beta: np.ndarray  # (models, LANES)
     gain: np.ndarray  # (LANES,)
+    seen: np.ndarray  # see `update`
     nis: np.ndarray  # (models, LANES)
     logs: np.ndarray  # (models, LANES), log likelihoods
     e: np.ndarray  # (16, LANES)
@@ -131,13 +132,14 @@ def _workspace(models, window):
         np.zeros((models, window + 3, LANES)),
         np.ones((models, LANES)),
         np.ones(LANES),
+        np.zeros(SEEN),
         np.zeros((models, LANES)),
         np.zeros((models, LANES)),
         np.zeros((N, LANES)),
         np.zeros((NOMINAL, LANES)),
         np.zeros((NOMINAL, LANES)),
     )
-    return mixing, empty_look(), work
+    return mixing, work
 
 
 # ---------------------------------------------------------------- the IMM around the filters
@@ -178,13 +180,13 @@ def _combine(x, logs, mu, best, mixing):
 
 @kernel
 def _mission(settings, sensors, truth, models, filters, sums, series):
-    mixing, seen, work = _workspace(settings.models, settings.window)
+    mixing, work = _workspace(settings.models, settings.window)
     # Arrays leave their tuples here, once: each that enters a call in a tuple is counted.
     theta, dv, z = sensors
     decay, variance, forms, T = models
     x, P, mu = filters
     flat_P = P.reshape((len(P), -1))
-    f, covariance, rings, beta, gain, nis, logs, e, true_state, best = work
+    f, covariance, rings, beta, gain, seen, nis, logs, e, true_state, best = work
     for step in range(len(z)):
         now = truth.states[step]
         heading = 2.0 * math.atan2(now[QUATERNION + 3], now[QUATERNION])

@@ -150,7 +150,7 @@ def _coefficients(latitude, dL, height, v_N, v_E, f, r):
 
 @kernel
 def transition(f, dt, y, out):
-    """Apply the transition to y (16 rows); the seven navigation rows go to out.
+    """Apply the transition to y (16 rows, less the current); seven navigation rows go to out.
 
     `out` begins at the first row's place in an array of 16 columns. All arrays are flat.
     """
@@ -205,7 +205,7 @@ def predict_covariance(P, f, settings, decay, q_current, work):
     width = np.uint64(len(work) // (WORKSPACE // LANES))
     left, right, y = work[:HALF], work[HALF : 2 * HALF], work[2 * HALF :]
     for j in range(N):
-        for i in range(N):
+        for i in range(CURRENT):  # the current drives no other error
             to, at = ROW[i], PLACE[i, j]
             for r in range(width):
                 y[to + r] = P[at + r]
