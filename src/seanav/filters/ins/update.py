@@ -24,9 +24,9 @@ from seanav.filters.ins.layout import (
     V_N,
     X_CURRENT,
     N,
-    put,
+    _put,
 )
-from seanav.filters.ins.states import quaternion, shift
+from seanav.filters.ins.states import _quaternion, _shift
 from seanav.models import attitude
 
 # Where H is linearised. All but the first need the truth, so only a study can use them.
@@ -49,7 +49,7 @@ def _parts(seen):
 
 
 @kernel
-def look(x, P, z, axis, settings, true_heading, h, u, rho, S):
+def _look(x, P, z, axis, settings, true_heading, h, u, rho, S):
     """Look at one axis of the log: the residual at the estimate, H where the settings say.
 
     Parameters
@@ -67,7 +67,7 @@ def look(x, P, z, axis, settings, true_heading, h, u, rho, S):
     width = np.uint64(len(S))
     about, R = settings.about, settings.R
     for r in range(LANES):
-        c_N, c_E, c_D = attitude.column(quaternion(x, r), axis)
+        c_N, c_E, c_D = attitude._column(_quaternion(x, r), axis)
         # Through still water; the vertical velocity is held at zero.
         u_N, u_E = x[V_N, r] - x[X_CURRENT, r], x[V_E, r] - x[X_CURRENT + 1, r]
         u_D = -x[X_CURRENT + 2, r]
@@ -76,10 +76,10 @@ def look(x, P, z, axis, settings, true_heading, h, u, rho, S):
         if about == TRUTH:  # level, and only the forward axis has a linear counterpart
             c_N, c_E, c_D = math.cos(true_heading), math.sin(true_heading), 0.0
         scale = 1.0 if about == ESTIMATE else 0.0
-        t_N, t_E, t_D = attitude.cross((u_N, u_E, u_D), (c_N, c_E, c_D))
+        t_N, t_E, t_D = attitude._cross((u_N, u_E, u_D), (c_N, c_E, c_D))
         h[LOOKED_V + r], h[LOOKED_V + LANES + r] = c_N, c_E
-        put(h, LOOKED_PHI, r, (scale * t_N, scale * t_E, scale * t_D))
-        put(h, LOOKED_CURRENT, r, (-c_N, -c_E, -c_D))
+        _put(h, LOOKED_PHI, r, (scale * t_N, scale * t_E, scale * t_D))
+        _put(h, LOOKED_CURRENT, r, (-c_N, -c_E, -c_D))
     for i in range(N):
         to, at = ROW[i], PLACE[i, LOOKED[0]]
         for r in range(width):
@@ -95,7 +95,7 @@ def look(x, P, z, axis, settings, true_heading, h, u, rho, S):
 
 
 @kernel
-def inflate(P, form, beta, q_current):
+def _inflate(P, form, beta, q_current):
     """Apply a form of `seanav.filters.fading` to the predicted covariance P (136 · runs,)."""
     width = np.uint64(len(beta))
     if form == fading.LITERAL or form == fading.LITERAL_GAIN:
@@ -118,7 +118,7 @@ def inflate(P, form, beta, q_current):
 
 
 @kernel
-def adapt(x, P, z, step, settings, true_heading, form, q_current, ring, seen, beta, gain):
+def _adapt(x, P, z, step, settings, true_heading, form, q_current, ring, seen, beta, gain):
     """Inflate P where the residuals of the last steps are larger than it says: (14)-(17).
 
     Parameters
@@ -148,22 +148,22 @@ def adapt(x, P, z, step, settings, true_heading, form, q_current, ring, seen, be
     squared[:] = 0.0
     spread[:] = 0.0
     for axis in range(len(z)):
-        look(x, P, z, axis, settings, true_heading, h, u, rho, S)
+        _look(x, P, z, axis, settings, true_heading, h, u, rho, S)
         for r in range(LANES):
             squared[r] += rho[r] * rho[r]
             spread[r] += S[r]
-    fading.remember(ring[:window], step, squared, total)
+    fading._remember(ring[:window], step, squared, total)
     count = min(step + 1, window)
     for r in range(LANES):
-        beta[r] = fading.factor(total[r], count, spread[r], cap)
-    inflate(P, form, beta, q_current)
+        beta[r] = fading._factor(total[r], count, spread[r], cap)
+    _inflate(P, form, beta, q_current)
     if form == fading.LITERAL_GAIN:
         for r in range(LANES):
             gain[r] = 1.0 / beta[r]
 
 
 @kernel
-def correct(P, u, S, gain):
+def _correct(P, u, S, gain):
     """P ← (I − K H) P with K = gain · u / S, in Joseph's form (exact for any gain)."""
     width = np.uint64(len(gain))
     factor, scaled = np.empty(LANES), np.empty(LANES)
@@ -180,7 +180,7 @@ def correct(P, u, S, gain):
 
 
 @kernel
-def update(x, P, z, settings, true_heading, gain, seen, e, nis, logs):
+def _update(x, P, z, settings, true_heading, gain, seen, e, nis, logs):
     """Update x and P with all axes of the log, one after the other: (23).
 
     Parameters
@@ -198,14 +198,14 @@ def update(x, P, z, settings, true_heading, gain, seen, e, nis, logs):
     nis[:] = 0.0
     logs[:] = 0.0
     for axis in range(len(z)):
-        look(x, P, z, axis, settings, true_heading, h, u, rho, S)
+        _look(x, P, z, axis, settings, true_heading, h, u, rho, S)
         for r in range(LANES):
             nis[r] += rho[r] * rho[r] / S[r]
             if settings.models > 1:
-                logs[r] += imm.log_likelihood(rho[r] * rho[r], S[r])
+                logs[r] += imm._log_likelihood(rho[r] * rho[r], S[r])
             rho[r] /= S[r]
         for i in range(N):
             for r in range(LANES):
                 e[i, r] = gain[r] * u[i * LANES + r] * rho[r]  # K rho
-        correct(P, u, S, gain)
-        shift(x, e, -1.0)
+        _correct(P, u, S, gain)
+        _shift(x, e, -1.0)
