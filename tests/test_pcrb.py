@@ -191,7 +191,7 @@ def test_noise_must_be_positive(noise):
     "prior", [np.zeros((2, 2)), [[1, 2], [2, 1]], [[1, 0.5], [0, 1]], -np.eye(2)]
 )
 def test_prior_must_be_a_covariance(prior):
-    with pytest.raises(ParameterError, match="^P0 = .* must be symmetric and positive definite$"):
+    with pytest.raises(ParameterError, match=r"^P0 = .* must be symmetric and positive definite$"):
         pcrb.pcrb(slopes(3), NOISE, prior, Q)
 
 
@@ -237,7 +237,7 @@ def test_a_bound_that_rounding_decides_is_refused():
             lambda n, P: pcrb.pcrb(slopes(9), n, P, 0 * Q),
             lambda n, P: pcrb.expected_pcrb(slopes(9)[None], n, P, 0 * Q),
         ):
-            with pytest.raises(ParameterError, match="^noise, P0, Q = .*: must leave the bound"):
+            with pytest.raises(ParameterError, match=r"^noise, P0, Q = .*: must leave the bound"):
                 call(noise, prior)
 
 
@@ -249,5 +249,5 @@ def test_type_and_layout_of_the_slopes_do_not_matter():
 
 @pytest.mark.parametrize("map_", [np.ones((2, 3)), np.ones((3, 2, 2)), np.full((2, 3, 3), np.nan)])
 def test_information_map_needs_two_slopes_at_each_node(map_):
-    with pytest.raises(ParameterError, match="^gradient = .*: must "):
+    with pytest.raises(ParameterError, match=r"^gradient = .*: must "):
         pcrb.information(map_, NOISE)

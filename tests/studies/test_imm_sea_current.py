@@ -295,12 +295,10 @@ def test_one_update_needs_no_more_noise_than_its_own():
 
 def _errorless_drift(path):
     """RMS distance (m) of errorless increments, merged to 1 Hz, from the path they belong to."""
-    steps = int(path.duration)
-    theta, dv, track = np.empty((steps, 3)), np.empty((steps, 3)), np.empty((steps + 1, 8))
-    inertial.preintegrate(*path.increments(), 100, theta, dv)
+    theta, dv = inertial.preintegrate(*path.increments(), 100)
     latitude, longitude, v_n, heading = path.states()
     q = np.array([math.cos(heading[0] / 2), 0.0, 0.0, math.sin(heading[0] / 2)])
-    inertial.mechanise(np.array([latitude[0], longitude[0], 0.0]), v_n[0], q, theta, dv, 1.0, track)
+    track = inertial.mechanise([latitude[0], longitude[0], 0.0], v_n[0], q, theta, dv, 1.0)
     R_n, R_t = earth.radii(path.latitude)
     north, east = track[:, 0] - latitude, track[:, 1] - longitude
     return math.sqrt(((north * R_n) ** 2 + (east * R_t * np.cos(latitude)) ** 2).mean())
@@ -578,8 +576,7 @@ def test_nonlinear_filter_with_H_at_the_truth_is_the_linear_model():
     scenario = Scenario(runs=2, duration_s=1800.0)
     path, steps = scenario.path(), 1800
     sensed = run.sense(scenario, 0)
-    theta, dv = np.empty((steps, 3)), np.empty((steps, 3))
-    inertial.preintegrate(*path.increments(), 100, theta, dv)
+    theta, dv = inertial.preintegrate(*path.increments(), 100)
     theta, dv = (np.repeat(x[:, :, None], run.LANES, axis=2) for x in (theta, dv))
     sensed = dataclasses.replace(sensed, theta=theta, dv=dv, bias=np.zeros((6, run.LANES)))
     (Phi, H), K = linear.model(path, 7200.0), linear.gains(scenario, 0.1)

@@ -24,7 +24,7 @@ Source: Cha, Hwang and Park, *The Journal of Navigation*, 2022, equations (6)-(2
 from seanav.filters.ins.layout import KEPT, LANES, NOMINAL, PACKED, N, pack_diagonal, unpack
 from seanav.filters.ins.mission import fly
 from seanav.filters.ins.score import Flight, MeanSquares, Series
-from seanav.filters.ins.states import difference, shift
+from seanav.filters.ins.states import shift
 from seanav.filters.ins.update import LINEARISED
 
 __all__ = [
@@ -37,7 +37,6 @@ __all__ = [
     "MeanSquares",
     "N",
     "Series",
-    "difference",
     "fly",
     "pack_diagonal",
     "shift",

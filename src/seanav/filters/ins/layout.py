@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seanav._compile import kernel
+from seanav.checks import array
 from seanav.models import inertial
 
 LANES = 16  # runs side by side
@@ -68,25 +69,26 @@ PLACE = ROW[AT]
 def pack_diagonal(variances: ArrayLike) -> np.ndarray:
     """Return a packed diagonal covariance, (136, LANES), from variances of the 16 states."""
     P = np.zeros((PACKED, LANES))
-    P[np.diagonal(AT)] = np.asarray(variances, dtype=float)[:, None]
+    P[np.diagonal(AT)] = array("variances", variances, (N,), at_least=0)[:, None]
     return P
 
 
-def unpack(P: np.ndarray) -> np.ndarray:
+def unpack(P: ArrayLike) -> np.ndarray:
     """Return covariances (18, 18, runs) from packed ones (136, runs); held states are zero."""
-    full = np.zeros((inertial.STATES, inertial.STATES, P.shape[-1]))
+    P = array("P", P, (PACKED, "runs"))
+    full = np.zeros((inertial.STATES, inertial.STATES, P.shape[1]))
     full[np.ix_(KEPT, KEPT)] = P[AT]
     return full
 
 
 @kernel
-def three(rows, first, r):
+def _three(rows, first, r):
     """Return run `r` of three rows of a flat array that begin at offset `first`."""
     return rows[first + r], rows[first + LANES + r], rows[first + 2 * LANES + r]
 
 
 @kernel
-def put(rows, first, r, vector):
+def _put(rows, first, r, vector):
     """Put a vector into run `r` of three rows of a flat array."""
     rows[first + r], rows[first + LANES + r], rows[first + 2 * LANES + r] = vector
 

@@ -15,6 +15,7 @@ from seanav._compile import kernel
 from seanav.checks import ParameterError, array, choice, integer, number
 from seanav.filters import fading, imm
 from seanav.filters.ins.layout import (
+    AT,
     B_A,
     COEFFICIENTS,
     LANES,
@@ -25,19 +26,17 @@ from seanav.filters.ins.layout import (
     WORKSPACE,
     N,
 )
-from seanav.filters.ins.predict import predict_covariance, predict_state
+from seanav.filters.ins.predict import _predict_covariance, _predict_state
 from seanav.filters.ins.score import (
     Flight,
-    empty_series,
-    empty_sums,
-    flight,
-    record,
-    score,
+    _empty_series,
+    _empty_sums,
+    _flight,
+    _record,
+    _score,
 )
-from seanav.filters.ins.states import difference, shift
-from seanav.filters.ins.update import LINEARISED, adapt, empty_look, update
-
-DT = 1.0  # s
+from seanav.filters.ins.states import _difference, _shift
+from seanav.filters.ins.update import LINEARISED, SEEN, _adapt, _update
 
 
 class Settings(NamedTuple):
@@ -107,6 +106,7 @@ class Work(NamedTuple):
     rings: np.ndarray  # (models, window + 3, LANES), see `update.adapt`
     beta: np.ndarray  # (models, LANES)
     gain: np.ndarray  # (LANES,)
+    seen: np.ndarray  # see `update`
     nis: np.ndarray  # (models, LANES)
     logs: np.ndarray  # (models, LANES), log likelihoods
     e: np.ndarray  # (16, LANES)
@@ -131,13 +131,14 @@ def _workspace(models, window):
         np.zeros((models, window + 3, LANES)),
         np.ones((models, LANES)),
         np.ones(LANES),
+        np.zeros(SEEN),
         np.zeros((models, LANES)),
         np.zeros((models, LANES)),
         np.zeros((N, LANES)),
         np.zeros((NOMINAL, LANES)),
         np.zeros((NOMINAL, LANES)),
     )
-    return mixing, empty_look(), work
+    return mixing, work
 
 
 # ---------------------------------------------------------------- the IMM around the filters
@@ -148,29 +149,29 @@ def _deviate(x, best, deviations):
     """Write the states of all models as deviations from the first model's, left in `best`."""
     best[:] = x[0]
     for j in range(len(x)):
-        difference(x[j], best, deviations[j])
+        _difference(x[j], best, deviations[j])
 
 
 @kernel
 def _interact(T, x, P, mu, best, mixing):
     """Start every filter from the mixture that its model sees: (20)-(22)."""
     predicted, weights, deviations, mean, centred, mixed_P = mixing
-    imm.interact(T, mu, predicted, weights)
+    imm._interact(T, mu, predicted, weights)
     _deviate(x, best, deviations)
     for j in range(len(x)):
-        imm.mix(weights[j], deviations, P, mean, mixed_P[j], centred)
+        imm._mix(weights[j], deviations, P, mean, mixed_P[j], centred)
         x[j] = best
-        shift(x[j], mean, 1.0)
+        _shift(x[j], mean, 1.0)
     P[:] = mixed_P
 
 
 @kernel
 def _combine(x, logs, mu, best, mixing):
     """Update the mode probabilities and put the combined state into `best`: (24)-(26)."""
-    imm.probabilities(mixing.predicted, logs, mu)
+    imm._probabilities(mixing.predicted, logs, mu)
     _deviate(x, best, mixing.deviations)
-    imm.mean(mu, mixing.deviations, mixing.mean)
-    shift(best, mixing.mean, 1.0)
+    imm._mean(mu, mixing.deviations, mixing.mean)
+    _shift(best, mixing.mean, 1.0)
 
 
 # ---------------------------------------------------------------- the loop over the seconds
@@ -178,13 +179,13 @@ def _combine(x, logs, mu, best, mixing):
 
 @kernel
 def _mission(settings, sensors, truth, models, filters, sums, series):
-    mixing, seen, work = _workspace(settings.models, settings.window)
+    mixing, work = _workspace(settings.models, settings.window)
     # Arrays leave their tuples here, once: each that enters a call in a tuple is counted.
     theta, dv, z = sensors
     decay, variance, forms, T = models
     x, P, mu = filters
     flat_P = P.reshape((len(P), -1))
-    f, covariance, rings, beta, gain, nis, logs, e, true_state, best = work
+    f, covariance, rings, beta, gain, seen, nis, logs, e, true_state, best = work
     for step in range(len(z)):
         now = truth.states[step]
         heading = 2.0 * math.atan2(now[QUATERNION + 3], now[QUATERNION])
@@ -192,27 +193,27 @@ def _mission(settings, sensors, truth, models, filters, sums, series):
             _interact(T, x, P, mu, best, mixing)
 
         for j in range(len(x)):
-            predict_state(x[j], theta[step], dv[step], settings, decay[j], f)
+            _predict_state(x[j], theta[step], dv[step], settings, decay[j], f)
             if settings.aided:
                 own, q = flat_P[j], variance[j]
-                predict_covariance(own, f, settings, decay[j], q, covariance)
+                _predict_covariance(own, f, settings, decay[j], q, covariance)
                 gain[:] = 1.0
                 if forms[j] != fading.NONE:
-                    adapt(
+                    _adapt(
                         *(x[j], own, z[step], step, settings, heading),
                         *(forms[j], q, rings[j], seen, beta[j], gain),
                     )
-                update(x[j], own, z[step], settings, heading, gain, seen, e, nis[j], logs[j])
+                _update(x[j], own, z[step], settings, heading, gain, seen, e, nis[j], logs[j])
 
         if len(x) > 1:
             _combine(x, logs, mu, best, mixing)
         else:
             best[:] = x[0]
 
-        score(best, now, mu, nis, beta, sums, true_state, e)
+        _score(best, now, mu, nis, beta, sums, true_state, e)
         if settings.stride > 0 and (step + 1) % settings.stride == 0:
             at = (step + 1) // settings.stride - 1
-            record(at, settings.aided, now, truth.rest[at], mu, P, e, series, mixing)
+            _record(at, settings.aided, now, truth.rest[at], mu, P, e, series, mixing)
 
 
 # ---------------------------------------------------------------- what is called
@@ -285,47 +286,51 @@ def fly(
     """
     sizes = {"runs": LANES}
     sensors = Sensors(
-        z=array("z", z, ("steps", "axes", "runs"), sizes),
-        theta=array("theta", theta, ("steps", 3, "runs"), sizes),
-        dv=array("dv", dv, ("steps", 3, "runs"), sizes),
+        array("theta", theta, ("steps", 3, "runs"), sizes),
+        array("dv", dv, ("steps", 3, "runs"), sizes),
+        array("z", z, ("steps", "axes", "runs"), sizes),
     )
-    integer("axes of z", sizes["axes"], at_least=1, at_most=3)
-    P0 = array("P0", P0, ("models", PACKED, "runs"), sizes)
-    settings = Settings(
-        models=len(P0),
-        height=number("height", height),
-        dt=DT,
-        R=number("R", R, above=0.0),
-        window=integer("window", window, at_least=1),
-        cap=number("cap", cap, at_least=1.0),
-        velocity_noise=number("velocity_noise", velocity_noise, at_least=0.0),
-        attitude_noise=number("attitude_noise", attitude_noise, at_least=0.0),
-        aided=bool(aided),
-        about=LINEARISED[choice("about", about, LINEARISED)],
-        stride=integer("stride", stride, at_least=0),
-    )
-    models = _models(noise, forms, transition, sizes)
-    x0 = array("x0", x0, (NOMINAL, "runs"), sizes)
-    mu0 = array("mu0", mu0, ("models",), sizes)
-    filters = Filters(
-        x=np.repeat(x0[None], len(P0), axis=0),
-        P=P0.copy(),
-        mu=np.repeat(mu0[:, None], LANES, axis=1),
-    )
-    records = sizes["steps"] // stride if stride else 0
     states = array("truth", truth, ("steps", TRUTH), sizes)
+    models, filters = _models(noise, forms, transition, sizes), _filters(x0, P0, mu0, sizes)
+    steps = sizes["steps"]
+    integer("axes of z", sizes["axes"], at_least=1, at_most=3)
+    settings = Settings(
+        models=sizes["models"],
+        height=number("height", height),
+        dt=1.0,
+        R=number("R", R, above=0),
+        window=min(integer("window", window, at_least=1), steps),  # a longer one stays empty
+        cap=number("cap", cap, at_least=1),
+        velocity_noise=number("velocity_noise", velocity_noise, at_least=0),
+        attitude_noise=number("attitude_noise", attitude_noise, at_least=0),
+        aided=choice("aided", aided, (True, False)),
+        about=LINEARISED[choice("about", about, LINEARISED)],
+        stride=min(integer("stride", stride, at_least=0), steps + 1),  # which is never
+    )
+    records = steps // settings.stride if settings.stride else 0
     rest = np.zeros((records, N - B_A, LANES))
     if true_rest is not None and records:
         rest = array("true_rest", true_rest, rest.shape)
-    sums, series = empty_sums(len(P0)), empty_series(len(P0), records)
+    sums, series = _empty_sums(settings.models), _empty_series(settings.models, records)
     _mission(settings, sensors, Truth(states, rest), models, filters, sums, series)
-    return flight(sums, sizes["steps"], series, filters.P)
+    return _flight(sums, steps, series, filters.P)
 
 
 def _models(noise, forms, transition, sizes) -> Models:
-    noise = array("noise", noise, ("models", 2), sizes)
-    if len(forms) != sizes["models"]:
-        raise ParameterError("forms", forms, f"must be {sizes['models']}, one for each model")
+    noise = array("noise", noise, ("models", 2), sizes, at_least=0)
+    T = imm._distributions("transition", transition, ("models", "models"), sizes, axis=1)
+    if not isinstance(forms, (list, tuple)) or len(forms) != len(T):
+        raise ParameterError("forms", forms, f"must be a list of {len(T)} fading forms")
     numbers = [fading.FORMS[choice("forms", form, fading.FORMS)] for form in forms]
-    T = array("transition", transition, ("models", "models"), sizes)
     return Models(noise[:, 0].copy(), noise[:, 1].copy(), np.array(numbers), T)
+
+
+def _filters(x0, P0, mu0, sizes) -> Filters:
+    x0 = array("x0", x0, (NOMINAL, "runs"), sizes)
+    P0 = array("P0", P0, ("models", PACKED, "runs"), sizes)
+    mu0 = imm._distributions("mu0", mu0, ("models",), sizes)
+    least = float(P0[:, np.diagonal(AT)].min())
+    if least < 0:
+        raise ParameterError("P0", least, "must not be negative on the diagonal")
+    x = np.repeat(x0[None], len(P0), axis=0)
+    return Filters(x, P0.copy(), np.repeat(mu0[:, None], LANES, axis=1))

@@ -22,7 +22,7 @@ from seanav.filters.ins.layout import (
     V_N,
     N,
 )
-from seanav.filters.ins.states import difference
+from seanav.filters.ins.states import _difference
 
 
 class MeanSquares(NamedTuple):
@@ -106,38 +106,38 @@ class Flight(NamedTuple):
 
     def runs(self, count: int) -> "Flight":
         """Return the first `count` runs."""
-        return each_array(lambda array: array[..., :count], self)
+        return _each_array(lambda array: array[..., :count], self)
 
     @classmethod
     def join(cls, flights: "list[Flight]") -> "Flight":
         """Return the runs of all flights as one."""
-        return each_array(lambda *arrays: np.concatenate(arrays, axis=-1), *flights)
+        return _each_array(lambda *arrays: np.concatenate(arrays, axis=-1), *flights)
 
 
-def each_array(function, *trees):
+def _each_array(function, *trees):
     """Apply `function` to the corresponding arrays of equally nested named tuples."""
     if not isinstance(trees[0], tuple):
         return function(*trees)
     parts = zip(*trees, strict=True)
-    return type(trees[0])(*(each_array(function, *part) for part in parts))
+    return type(trees[0])(*(_each_array(function, *part) for part in parts))
 
 
 # Rows of the sums over time; one for each model's probability follows.
 NORTH, EAST, VELOCITY, LEVELLING, HEADING_ERROR, NIS, BETA, SQUARED_NIS, MODES = range(9)
 
 
-def empty_sums(models: int) -> np.ndarray:
-    """Return zeros for `score` to add to."""
+def _empty_sums(models: int) -> np.ndarray:
+    """Return zeros for `_score` to add to."""
     return np.zeros((MODES + models, LANES))
 
 
-def empty_series(models: int, records: int) -> Series:
-    """Return zeros for `record` to fill."""
+def _empty_series(models: int, records: int) -> Series:
+    """Return zeros for `_record` to fill."""
     errors, nees = np.zeros((records, N, LANES)), np.zeros((records, LANES))
     return Series(errors, nees, np.zeros((records, models, LANES)))
 
 
-def flight(sums: np.ndarray, steps: int, series: Series, P: np.ndarray) -> Flight:
+def _flight(sums: np.ndarray, steps: int, series: Series, P: np.ndarray) -> Flight:
     """Return sums over `steps` steps, series and final covariances by their names."""
     means = sums / steps
     return Flight(
@@ -153,7 +153,7 @@ def flight(sums: np.ndarray, steps: int, series: Series, P: np.ndarray) -> Fligh
 
 
 @kernel
-def score(best, truth, mu, nis, beta, sums, true_state, e):
+def _score(best, truth, mu, nis, beta, sums, true_state, e):
     """Add one step to the sums over time.
 
     Parameters
@@ -172,7 +172,7 @@ def score(best, truth, mu, nis, beta, sums, true_state, e):
     for i in range(QUATERNION + 4):
         for r in range(LANES):
             true_state[i, r] = truth[i]
-    difference(best, true_state, e)
+    _difference(best, true_state, e)
     metres_N, metres_E = truth[METRES_N], truth[METRES_E]
     for r in range(LANES):
         north, east = e[LATITUDE, r] * metres_N, e[LONGITUDE, r] * metres_E
@@ -189,7 +189,7 @@ def score(best, truth, mu, nis, beta, sums, true_state, e):
 
 
 @kernel
-def record(at, aided, truth, rest, mu, P, e, series, mixing):
+def _record(at, aided, truth, rest, mu, P, e, series, mixing):
     """Put one step into record `at` of `series`, with the NEES if `aided`.
 
     Parameters
@@ -199,7 +199,7 @@ def record(at, aided, truth, rest, mu, P, e, series, mixing):
     mu : (models, runs)
     P : (models, 136, runs)
     e : (16, runs), changed
-        As `score` left it.
+        As `_score` left it.
     series : Series, changed
     mixing : seanav.filters.ins.mission.Mixing
         Deviations of the models as combined, and workspace.
@@ -217,15 +217,15 @@ def record(at, aided, truth, rest, mu, P, e, series, mixing):
     if aided:
         combined, factor = mixing.P[0], np.empty((N, N + 1))
         if mu.shape[0] > 1:
-            imm.mix(mu, mixing.deviations, P, mixing.mean, combined, mixing.centred)
+            imm._mix(mu, mixing.deviations, P, mixing.mean, combined, mixing.centred)
         else:
             combined[:] = P[0]
         for r in range(LANES):
-            nees[r] = squared_error(combined, e, r, factor)
+            nees[r] = _squared_error(combined, e, r, factor)
 
 
 @kernel
-def squared_error(P, e, r, L):
+def _squared_error(P, e, r, L):
     """Return eᵀ P⁻¹ e of run r, by Cholesky's factor of the correlation matrix.
 
     P is packed (136, runs), e (16, runs); L (16, 17) is workspace, its last column the error

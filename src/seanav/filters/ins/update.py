@@ -4,7 +4,6 @@ Source: Cha, Hwang and Park, *The Journal of Navigation*, 2022, equations (11)-(
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -25,9 +24,9 @@ from seanav.filters.ins.layout import (
     V_N,
     X_CURRENT,
     N,
-    put,
+    _put,
 )
-from seanav.filters.ins.states import quaternion, shift
+from seanav.filters.ins.states import _quaternion, _shift
 from seanav.models import attitude
 
 # Where H is linearised. All but the first need the truth, so only a study can use them.
@@ -35,75 +34,60 @@ ESTIMATE, TRUE_RELATIVE_VELOCITY, TRUTH = range(3)
 LINEARISED = {"estimate": ESTIMATE, "relative velocity": TRUE_RELATIVE_VELOCITY, "truth": TRUTH}
 
 
-class Look(NamedTuple):
-    """What one axis of the log shows, for a batch of runs; flat arrays.
+# Length of the flat workspace of `look`, and where its parts end.
+_H, _U, _RHO, SEEN = np.cumsum([ENTRIES * LANES, N * LANES, LANES, LANES]).tolist()
 
-    Attributes
-    ----------
-    h : (8 · runs,)
-        The entries of the row of H in the columns `layout.LOOKED`; the others are zero.
-    u : (16 · runs,)
-        P hᵀ.
-    rho, S : (runs,)
-        Residual, predicted minus measured (m/s), and its variance.
+
+@kernel
+def _parts(seen):
+    """Return what one axis of the log shows, four parts of a flat array (`SEEN`,).
+
+    h, the entries of the row of H in the columns `layout.LOOKED` (the others are zero);
+    u = P hᵀ; the residual rho, predicted minus measured (m/s); its variance S.
     """
-
-    h: np.ndarray
-    u: np.ndarray
-    rho: np.ndarray
-    S: np.ndarray
+    return seen[:_H], seen[_H:_U], seen[_U:_RHO], seen[_RHO:]
 
 
 @kernel
-def empty_look():
-    """Return zeros."""
-    h, u = np.zeros(ENTRIES * LANES), np.zeros(N * LANES)
-    return Look(h, u, np.zeros(LANES), np.zeros(LANES))
-
-
-@kernel
-def residual(x, z, axis, about, true_heading, h, rho):
-    """Put the residual at the estimate into `rho` and H, taken where `about` says, into `h`.
+def _look(x, P, z, axis, settings, true_heading, h, u, rho, S):
+    """Look at one axis of the log: the residual at the estimate, H where the settings say.
 
     Parameters
     ----------
     x : (17, runs)
-    z : (runs,)
-        Log along body axis `axis`, m/s.
-    about : int
-        A value of `LINEARISED`.
+    P : (136 · runs,)
+    z : (axes, runs)
+        Log of this step, m/s; row `axis`, along that body axis, is used.
+    settings : seanav.filters.ins.mission.Settings
     true_heading : float
         rad, of effect for H at the truth alone.
+    h, u, rho, S : output
+        See `_parts`.
     """
+    width = np.uint64(len(S))
+    about, R = settings.about, settings.R
     for r in range(LANES):
-        c_N, c_E, c_D = attitude.column(quaternion(x, r), axis)
+        c_N, c_E, c_D = attitude._column(_quaternion(x, r), axis)
         # Through still water; the vertical velocity is held at zero.
         u_N, u_E = x[V_N, r] - x[X_CURRENT, r], x[V_E, r] - x[X_CURRENT + 1, r]
         u_D = -x[X_CURRENT + 2, r]
-        rho[r] = c_N * u_N + c_E * u_E + c_D * u_D - z[r]
+        rho[r] = c_N * u_N + c_E * u_E + c_D * u_D - z[axis, r]
+        S[r] = R
         if about == TRUTH:  # level, and only the forward axis has a linear counterpart
             c_N, c_E, c_D = math.cos(true_heading), math.sin(true_heading), 0.0
         scale = 1.0 if about == ESTIMATE else 0.0
-        t_N, t_E, t_D = attitude.cross((u_N, u_E, u_D), (c_N, c_E, c_D))
-        put(h, LOOKED_PHI, r, (scale * t_N, scale * t_E, scale * t_D))
-        put(h, LOOKED_CURRENT, r, (-c_N, -c_E, -c_D))
+        t_N, t_E, t_D = attitude._cross((u_N, u_E, u_D), (c_N, c_E, c_D))
         h[LOOKED_V + r], h[LOOKED_V + LANES + r] = c_N, c_E
-
-
-@kernel
-def project(P, h, R, u, S):
-    """Put P hᵀ into `u` and h P hᵀ + R into `S`, the variance of the residual."""
-    width = np.uint64(len(S))
+        _put(h, LOOKED_PHI, r, (scale * t_N, scale * t_E, scale * t_D))
+        _put(h, LOOKED_CURRENT, r, (-c_N, -c_E, -c_D))
     for i in range(N):
-        to = ROW[i]
+        to, at = ROW[i], PLACE[i, LOOKED[0]]
         for r in range(width):
-            u[to + r] = 0.0
-        for k in range(ENTRIES):
+            u[to + r] = P[at + r] * h[r]
+        for k in range(1, ENTRIES):
             at, entry = PLACE[i, LOOKED[k]], ROW[k]
             for r in range(width):
                 u[to + r] += P[at + r] * h[entry + r]
-    for r in range(width):
-        S[r] = R
     for k in range(ENTRIES):
         at, entry = ROW[LOOKED[k]], ROW[k]
         for r in range(width):
@@ -111,7 +95,7 @@ def project(P, h, R, u, S):
 
 
 @kernel
-def inflate(P, form, beta, q_current):
+def _inflate(P, form, beta, q_current):
     """Apply a form of `seanav.filters.fading` to the predicted covariance P (136 · runs,)."""
     width = np.uint64(len(beta))
     if form == fading.LITERAL or form == fading.LITERAL_GAIN:
@@ -134,7 +118,7 @@ def inflate(P, form, beta, q_current):
 
 
 @kernel
-def adapt(x, P, z, step, settings, true_heading, form, q_current, ring, seen, beta, gain):
+def _adapt(x, P, z, step, settings, true_heading, form, q_current, ring, seen, beta, gain):
     """Inflate P where the residuals of the last steps are larger than it says: (14)-(17).
 
     Parameters
@@ -145,43 +129,41 @@ def adapt(x, P, z, step, settings, true_heading, form, q_current, ring, seen, be
         Log of this step, m/s.
     step : int
         Steps before this one.
-    settings : seanav.filters.ins.mission.Settings
-    true_heading : float
-        As in `residual`.
+    settings, true_heading
+        As in `look`.
     form : int
         A value of `seanav.filters.fading.FORMS`.
     q_current : float
         Process noise variance of the current per step, (m/s)².
     ring : (window + 3, runs), changed
         Squared residuals of the last steps, then workspace.
-    seen : Look
+    seen : (`SEEN`,)
         Workspace.
     beta, gain : (runs,), output
         Fading factor and the factor of the gain that goes with it.
     """
-    window, cap = len(ring) - 3, settings.cap
-    h, u, rho, S = seen
+    window, cap = settings.window, settings.cap
+    h, u, rho, S = _parts(seen)
     squared, total, spread = ring[window], ring[window + 1], ring[window + 2]
     squared[:] = 0.0
     spread[:] = 0.0
     for axis in range(len(z)):
-        residual(x, z[axis], axis, settings.about, true_heading, h, rho)
-        project(P, h, settings.R, u, S)
+        _look(x, P, z, axis, settings, true_heading, h, u, rho, S)
         for r in range(LANES):
             squared[r] += rho[r] * rho[r]
             spread[r] += S[r]
-    fading.remember(ring[:window], step, squared, total)
+    fading._remember(ring[:window], step, squared, total)
     count = min(step + 1, window)
     for r in range(LANES):
-        beta[r] = fading.factor(total[r], count, spread[r], cap)
-    inflate(P, form, beta, q_current)
+        beta[r] = fading._factor(total[r], count, spread[r], cap)
+    _inflate(P, form, beta, q_current)
     if form == fading.LITERAL_GAIN:
         for r in range(LANES):
             gain[r] = 1.0 / beta[r]
 
 
 @kernel
-def correct(P, u, S, gain):
+def _correct(P, u, S, gain):
     """P ← (I − K H) P with K = gain · u / S, in Joseph's form (exact for any gain)."""
     width = np.uint64(len(gain))
     factor, scaled = np.empty(LANES), np.empty(LANES)
@@ -198,7 +180,7 @@ def correct(P, u, S, gain):
 
 
 @kernel
-def update(x, P, z, settings, true_heading, gain, seen, e, nis, logs):
+def _update(x, P, z, settings, true_heading, gain, seen, e, nis, logs):
     """Update x and P with all axes of the log, one after the other: (23).
 
     Parameters
@@ -207,24 +189,23 @@ def update(x, P, z, settings, true_heading, gain, seen, e, nis, logs):
         As in `adapt`; x is changed too.
     gain : (runs,)
         As from `adapt`.
-    seen : Look; e : (16, runs)
+    seen : (`SEEN`,); e : (16, runs)
         Workspace.
     nis, logs : (runs,), output
         Normalised squared residual of the step; log likelihood, if there are several models.
     """
-    h, u, rho, S = seen
+    h, u, rho, S = _parts(seen)
     nis[:] = 0.0
     logs[:] = 0.0
     for axis in range(len(z)):
-        residual(x, z[axis], axis, settings.about, true_heading, h, rho)
-        project(P, h, settings.R, u, S)
+        _look(x, P, z, axis, settings, true_heading, h, u, rho, S)
         for r in range(LANES):
             nis[r] += rho[r] * rho[r] / S[r]
             if settings.models > 1:
-                logs[r] += imm.log_likelihood(rho[r] * rho[r], S[r])
+                logs[r] += imm._log_likelihood(rho[r] * rho[r], S[r])
             rho[r] /= S[r]
         for i in range(N):
             for r in range(LANES):
                 e[i, r] = gain[r] * u[i * LANES + r] * rho[r]  # K rho
-        correct(P, u, S, gain)
-        shift(x, e, -1.0)
+        _correct(P, u, S, gain)
+        _shift(x, e, -1.0)
