@@ -86,7 +86,7 @@ def predict(state: State, P, theta, dv, decay, Q):
     middle = np.array([latitude + 0.5 * north, 0.0, height])
     east = DT * mean[1] / ((R_t + height) * math.cos(middle[0]))
     C_bn = exp_so3(-(w_ie + rho) * DT) @ state.C_bn @ exp_so3(theta)
-    position = state.position + [north, east, 0.0]
+    position = state.position + np.array([north, east, 0.0])
     after = replace(state, position=position, v_n=v_n, C_bn=C_bn, v_c=decay * state.v_c)
 
     F = error_dynamics(middle, mean, C_bn @ exp_so3(-0.5 * theta), a_n / DT, 1.0)
