@@ -1,6 +1,7 @@
 """What a paper's notebook hands over: figures, tables, claims, deviations, provenance."""
 
 import csv
+import dataclasses
 import io
 import json
 import math
@@ -197,6 +198,11 @@ def _palette_png(picture, dpi) -> bytes:
 # ---------------------------------------------------------------- the report
 
 
+def _parameters(scenario) -> dict:
+    declared = attrs.asdict if attrs.has(type(scenario)) else dataclasses.asdict
+    return declared(scenario)
+
+
 class Report:
     """The results of one notebook run, written to one folder and shown in the notebook.
 
@@ -228,7 +234,7 @@ class Report:
         self._about = {
             "seed": seed,
             "quick": quick,
-            "parameters": attrs.asdict(scenario),
+            "parameters": _parameters(scenario),
         }
         self._quick = quick
         self._claims = {}
