@@ -348,7 +348,18 @@ def test_changing_sigma_scales_the_current(sensors):
     constant = _fly(sensors, study.EKF(0.1))
     same = _fly(sensors, study.EKF(0.1), sigma=np.full(steps, SIGMA))
     assert np.array_equal(constant.means, same.means)
-    assert currents.decay(1.0, 7200.0)[1] > 0
+    # Twice as strong from half time on: what was before stays, and from there on the filter
+    # sees what it sees where the current was twice as strong all along.
+    half = steps // 2
+    changing = np.where(np.arange(steps) < half, SIGMA, 2 * SIGMA)
+    grown = _fly(sensors, study.EKF(0.1), sigma=changing)
+    records = half // 60
+    assert np.array_equal(grown.series[:records], constant.series[:records])
+    current = slice(13, 16)  # its error: estimate minus sigma times the unit process
+    jump = (grown.series - constant.series)[records:, current]
+    expected = SIGMA * sensors.unit_current[60::60][records:]
+    # The log sees only the forward component; the estimate hardly follows the others.
+    assert np.corrcoef(jump[:, 2].ravel(), -expected[:, 2].ravel())[0, 1] > 0.99
 
 
 @pytest.mark.parametrize(

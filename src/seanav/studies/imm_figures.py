@@ -5,10 +5,10 @@ from matplotlib import pyplot as plt
 from matplotlib.ticker import NullFormatter
 
 from seanav.models import earth
+from seanav.models.units import KM
 from seanav.montecarlo import Estimate
 from seanav.studies import imm_scores
 
-KM = 1e3
 SIGMA = r"$\sigma_T$ (m/s)"
 STYLES = {
     "pure navigation": {"color": "k", "ls": ":"},

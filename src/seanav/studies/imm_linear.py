@@ -115,7 +115,7 @@ def metres(scenario):
 @lru_cache(maxsize=4)
 def _metres(path):
     latitude = path.states()[0]
-    R_n, R_t = np.vectorize(earth.radii)(latitude)
+    R_n, R_t = earth.radii(latitude)
     return np.stack([R_n, R_t * np.cos(latitude)], axis=1)
 
 

@@ -14,11 +14,11 @@ import numpy as np
 from seanav import checks, montecarlo
 from seanav.filters import fading, ins
 from seanav.models import currents, earth, inertial
-from seanav.models.trajectories import KNOT, Trajectory
+from seanav.models.trajectories import Trajectory
+from seanav.models.units import G0, KNOT
 
 LANES = ins.LANES  # runs per batch; fixed, so threads do not matter
 SHARES = 4  # of the jobs: so many tasks for each batch keep all processors busy to the end
-G0 = 9.80665  # m/s² in one g
 
 
 @dataclass(frozen=True)
@@ -328,7 +328,7 @@ def _sense(path, errors, correlation_time, axes, start, initial, seed, runs, bat
 @lru_cache(maxsize=4)
 def _truth(path):
     latitude, longitude, v_n, heading = path.states()
-    R_n, R_t = np.vectorize(earth.radii)(latitude)
+    R_n, R_t = earth.radii(latitude)
     columns = [latitude, longitude, v_n[:, 0], v_n[:, 1], np.cos(heading / 2)]
     columns += [np.zeros_like(latitude)] * 2
     columns += [np.sin(heading / 2), R_n, R_t * np.cos(latitude)]
