@@ -16,18 +16,28 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav._compile import kernel
 from seanav.checks import ParameterError, array, integer, number
 from seanav.models import attitude, earth, units
 from seanav.models.attitude import skew
+from seanav.models.trajectories import Trajectory
 
 STATES = 18
 P_, V_, PHI, BA, BG, VC = (slice(i, i + 3) for i in range(0, STATES, 3))
 SLAVED = (2, 5)  # height and vertical velocity, held by the depth gauge
 
 
-def error_dynamics(position, v_n, C_bn, f_n, correlation_time, *, slaved=True):
+def error_dynamics(
+    position: ArrayLike,
+    v_n: ArrayLike,
+    C_bn: ArrayLike,
+    f_n: ArrayLike,
+    correlation_time: float,
+    *,
+    slaved: bool = True,
+) -> np.ndarray:
     """Return F of equation (10) with (A1)-(A11), shape (18, 18).
 
     Parameters
@@ -173,7 +183,9 @@ def _corrected(a, u, b, p):
     return turn, (d0 + sculling[0] / 12.0, d1 + sculling[1] / 12.0, d2 + sculling[2] / 12.0)
 
 
-def preintegrate(rotation, velocity, per_step):
+def preintegrate(
+    rotation: ArrayLike, velocity: ArrayLike, per_step: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Merge fast body increments into slow ones, coning and sculling included.
 
     Parameters
@@ -212,7 +224,14 @@ def preintegrate(rotation, velocity, per_step):
     return theta, dv
 
 
-def sensor_increments(trajectory, errors, generator, initial_bias, *, rate=100):
+def sensor_increments(
+    trajectory: Trajectory,
+    errors: SensorErrors,
+    generator: np.random.Generator,
+    initial_bias: ArrayLike,
+    *,
+    rate: int = 100,
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the increments that erring sensors report at 1 Hz, from `rate` samples a second.
 
     Parameters
@@ -318,7 +337,14 @@ def _mechanise(position, v_n, q, theta, dv, dt, track):
             longitude += dlongitude
 
 
-def mechanise(position, v_n, q, theta, dv, dt):
+def mechanise(
+    position: ArrayLike,
+    v_n: ArrayLike,
+    q: ArrayLike,
+    theta: ArrayLike,
+    dv: ArrayLike,
+    dt: float,
+) -> np.ndarray:
     """Integrate increments with height and vertical velocity held.
 
     Parameters
