@@ -110,3 +110,61 @@ def test_a_mission_is_the_reference(case):
         assert np.ptp(flight.series.mode_probability, axis=0).min() > 0.01
     for r in range(0, LANES, 5):
         _agree(flight, reference.fly(**_of_run(problem, r)), r)
+
+
+def test_no_record_changes_nothing_else_and_a_rare_one_is_one_of_many():
+    problem = _problem()
+    every, none = ins.fly(**problem, stride=1), ins.fly(**problem)
+    rare = ins.fly(**problem | {"true_rest": problem["true_rest"][4::5]}, stride=5)
+    assert none.series.errors.shape == (0, 16, LANES)
+    assert not none.nees.any()
+    for one in (none, rare):
+        assert np.array_equal(one.P, every.P)
+        assert np.array_equal(one.mean_squares, every.mean_squares)
+    for ours, theirs in zip(rare.series, every.series, strict=True):
+        assert np.array_equal(ours, theirs[4::5])
+    assert rare.nees == pytest.approx(every.series.nees[4::5].mean(axis=0))
+
+
+def test_pure_inertial_navigation_listens_to_nothing():
+    problem = _problem(models=1) | {"aided": False, "stride": 1}
+    flight, deaf = ins.fly(**problem), ins.fly(**problem | {"z": 0 * problem["z"]})
+    assert np.array_equal(flight.series.errors, deaf.series.errors)
+    assert np.array_equal(flight.P, problem["P0"])
+    assert not flight.nis.any()
+    decayed = problem["x0"][14:] * 0.999 ** (1 + np.arange(STEPS))[:, None, None]
+    assert flight.series.errors[:, 13:] == pytest.approx(decayed)
+
+
+def test_a_flight_is_cut_and_joined_by_runs():
+    flight = ins.fly(**_problem() | {"true_rest": None}, stride=3)
+    both = ins.Flight.join([flight.runs(5), flight])
+    assert both.series.north.shape == (4, 5 + LANES)
+    assert np.array_equal(both.series.east[:, 5:], flight.series.errors[:, 1])
+    assert np.array_equal(both.mode_probability[:, :5], flight.mode_probability[:, :5])
+    assert np.array_equal(both.P[..., 5:], flight.P)
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        ({"theta": np.zeros((3, 3, LANES))}, "dv = (12, 3, 16): must have the shape (3, 3, 16)"),
+        ({"z": np.zeros((STEPS, 4, LANES))}, "axes of z = 4: must be an integer of at least 1"),
+        ({"truth": np.zeros((STEPS, 8))}, "truth = (12, 8): must have the shape (12, 10)"),
+        ({"x0": np.full((17, LANES), np.nan)}, "x0 = nan: must be finite everywhere"),
+        ({"P0": -np.ones((2, 136, LANES))}, "P0 = -1.0: must not be negative on the diagonal"),
+        ({"forms": ["sigma"]}, "forms = ['sigma']: must be a list of 2 fading forms"),
+        ({"forms": ["sigma", "power"]}, "forms = 'power': must be one of 'none', 'literal'"),
+        ({"about": "north"}, "about = 'north': must be one of 'estimate'"),
+        ({"R": 0.0}, "R = 0.0: must be a finite number above 0"),
+        ({"mu0": [0.5, 0.6]}, "sum of mu0 = 1.1: must be 1"),
+        ({"transition": [[1, 0], [0.5, 0.6]]}, "sum of transition = 1.1: must be 1 in every row"),
+        ({"stride": 1, "true_rest": np.zeros((3, 9, LANES))}, "true_rest = (3, 9, 16): must have"),
+        ({"window": 0}, "window = 0: must be an integer of at least 1"),
+        ({"aided": 2}, "aided = 2: must be one of True, False"),
+    ],
+)
+def test_what_cannot_be_flown_is_one_clear_line(change, line):
+    with pytest.raises(ParameterError) as caught:
+        ins.fly(**_problem() | change)
+    assert line in str(caught.value)

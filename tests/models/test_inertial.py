@@ -24,6 +24,15 @@ def test_radii_and_gravity_match_python_ins():
         assert earth.gravity(latitude, 100.0) == pytest.approx(float(g), rel=1e-9)
 
 
+def test_radii_and_gravity_take_arrays():
+    latitudes = np.radians([[-70.0, 0.0, 36.0], [60.0, 89.0, -90.0]])
+    each = np.array([[earth.radii(L) for L in row] for row in latitudes])
+    assert np.array_equal(earth.radii(latitudes), np.moveaxis(each, -1, 0))
+    assert earth.gravity(latitudes, 100.0)[1, 0] == earth.gravity(latitudes[1, 0], 100.0)
+    with pytest.raises(ParameterError, match=r"latitude = 36.0: must be at most 1.57"):
+        earth.radii([0.3, 36.0])
+
+
 def test_slopes_of_radii_match_differences():
     step = 1e-4
     for latitude in (0.3, 0.63, 1.1):

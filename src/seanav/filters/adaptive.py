@@ -3,6 +3,11 @@
 Single fading factor: one number for the whole of Q, from the trace of the innovations'
 covariance, (26). Multiple fading factors: one number for each state, from its diagonal,
 (29)–(32). Either is used only at steps where a test on the innovation says fault.
+
+`seanav.filters.fading`, of another paper, is the other adaptive fading: its one factor is
+never below one, comes from the last residuals without a test, and scales a standard deviation
+of the model (of one block of states) or P itself. Here the factors scale the process noise
+covariance Q of each state, from the same innovations.
 """
 
 from typing import NamedTuple
@@ -96,15 +101,47 @@ def _inflate(P, Q, factors, out):
             kalman.mirror(out, i, j)
 
 
+class _Model(NamedTuple):
+    """The model of `seanav.filters.kalman.run`."""
+
+    Phi: np.ndarray
+    offsets: np.ndarray
+    H: np.ndarray
+    Q: np.ndarray
+    R: np.ndarray
+
+
+class _Rule(NamedTuple):
+    """When and how much to fade."""
+
+    W: np.ndarray  # see `weights`
+    window: int
+    limit: float  # of β
+    use_trace: bool  # (24) instead of (41)
+    floor: float
+
+
+class _Told(NamedTuple):
+    """What is told of every step: `AdaptiveTrack` with the runs innermost."""
+
+    x: np.ndarray
+    P: np.ndarray
+    innovation: np.ndarray
+    nis: np.ndarray
+    before: np.ndarray
+    factors: np.ndarray
+
+
 @kernel
-def _fading(W, window, limit, use_trace, floor, innovations, k, S, S0, beta, fault, factors):
+def _fading(rule, innovations, k, S, S0, beta, fault, factors):
     # S contains Q once, S0 not at all; both contain R.
+    W, floor, limit = rule.W, rule.floor, rule.limit
     m, runs = innovations.shape[1], innovations.shape[2]
     n = W.shape[0]
-    first = max(0, k + 1 - window)
+    first = max(0, k + 1 - rule.window)
     for r in range(runs):
         fault[r] = beta[r] - limit
-    if use_trace:
+    if rule.use_trace:
         for r in range(runs):
             fault[r] = 0.0
         for a in range(m):
@@ -142,10 +179,9 @@ def _fading(W, window, limit, use_trace, floor, innovations, k, S, S0, beta, fau
 
 
 @kernel
-def _run(
-    Phi, offsets, H, Q, R, W, window, limit, use_trace, floor, x, P, z,
-    x_out, P_out, innovations, nis, before, factors,
-):  # fmt: skip
+def _run(model, rule, x, P, z, told):
+    Phi, offsets, H, Q, R = model
+    x_out, P_out, innovations, nis, before, factors = told
     steps, m, runs = z.shape
     n = Phi.shape[0]
     half, A, base = np.empty((n, n, runs)), np.empty((n, n, runs)), np.empty((n, n, runs))
@@ -157,20 +193,22 @@ def _run(
         kalman.propagate(Phi, x, offsets[k], P, half, x_new, base)
         kalman.innovate(H, z[k], x_new, innovations[k])
         kalman.innovation_covariance(H, R, base, PHt, S0)
+        # Once with Q as it is, to decide and to find the factors; once more with them.
         factors[k, :, :] = 1.0
         _inflate(base, Q, factors[k], P_new)
-        kalman.innovation_covariance(H, R, P_new, PHt, S)
-        kalman.factorise(S, L)
-        kalman.normalised_square(L, innovations[k], white, before[k])
-        _fading(
-            W, window, limit, use_trace, floor, innovations, k, S, S0, before[k], fault, factors[k]
-        )
+        _normalise(H, R, P_new, innovations[k], PHt, S, L, white, before[k])
+        _fading(rule, innovations, k, S, S0, before[k], fault, factors[k])
         _inflate(base, Q, factors[k], P_new)
-        kalman.innovation_covariance(H, R, P_new, PHt, S)
-        kalman.factorise(S, L)
-        kalman.normalised_square(L, innovations[k], white, nis[k])
+        _normalise(H, R, P_new, innovations[k], PHt, S, L, white, nis[k])
         kalman.correct(H, R, L, PHt, innovations[k], x_new, P_new, K, A, half)
         x, P = x_new, P_new
+
+
+@kernel
+def _normalise(H, R, P, innovation, PHt, S, L, white, nis):
+    kalman.innovation_covariance(H, R, P, PHt, S)
+    kalman.factorise(S, L)
+    kalman.normalised_square(L, innovation, white, nis)
 
 
 def run(
@@ -211,6 +249,7 @@ def run(
     model, x, P, z, out = kalman.prepare(Phi, offsets, H, Q, R, x0, P0, z)
     limit = threshold(alpha, z.shape[1])
     W = weights(model[2], model[3], method)
-    more = np.empty_like(out[3]), np.empty_like(out[0])
-    _run(*model, W, window, limit, trigger == "trace", float(floor), x, P, z, *out, *more)
-    return AdaptiveTrack(*kalman.track(*out), more[0].T, more[1].transpose(2, 0, 1))
+    told = _Told(*out, before=np.empty_like(out[3]), factors=np.empty_like(out[0]))
+    rule = _Rule(W, window, limit, trigger == "trace", float(floor))
+    _run(_Model(*model), rule, x, P, z, told)
+    return AdaptiveTrack(*kalman.track(*out), told.before.T, told.factors.transpose(2, 0, 1))

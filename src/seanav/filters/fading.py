@@ -2,6 +2,11 @@
 
 Nothing here knows what is estimated. Arrays hold independent runs innermost.
 
+`seanav.filters.adaptive`, of another paper, is the other adaptive fading: it scales the whole
+process noise covariance Q, by one factor or by one for each state, and only at steps where a
+test on the innovation says fault. Here one factor, at every step, scales what a form names:
+by default the standard deviation of the doubtful states' own process noise (paper 4's current).
+
 References
 ----------
 Cha, Hwang and Park, *The Journal of Navigation*, 2022, equations (14)-(17);

@@ -14,6 +14,7 @@ Markovian switching coefficients", *IEEE Transactions on Automatic Control* 33 (
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav._compile import kernel
 from seanav.checks import ParameterError, array, number
@@ -38,7 +39,7 @@ def _interact(T, mu, predicted, weights):
                     weights[j, i, r] = 1.0 if i == j else 0.0
 
 
-def interact(T, mu):
+def interact(T: ArrayLike, mu: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Predict mode probabilities (20) and compute mixing weights (21).
 
     Parameters
@@ -81,7 +82,7 @@ def _log_likelihood(squared, S):
     return -0.5 * (math.log(2.0 * math.pi * S) + squared / S)
 
 
-def log_likelihood(squared, S):
+def log_likelihood(squared: float, S: float) -> float:
     """Return the log density of a scalar residual with variance `S`, equation (24).
 
     Raises
@@ -119,7 +120,7 @@ def _probabilities(predicted, logs, mu):
             mu[j, r] /= total
 
 
-def probabilities(predicted, logs):
+def probabilities(predicted: ArrayLike, logs: ArrayLike) -> np.ndarray:
     """Return the mode probabilities (models, runs) by Bayes' rule (25).
 
     Parameters

@@ -9,6 +9,7 @@ Press, 1979, section 6.8.
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav._compile import kernel
 from seanav.checks import array, covariance, number
@@ -81,7 +82,9 @@ def _achieve(Phi, Q, H, R, M0, gains, moments):
         moments[step + 1] = M
 
 
-def design(Phi, Q, H, R, P0):
+def design(
+    Phi: ArrayLike, Q: ArrayLike, H: ArrayLike, R: float, P0: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
     """Return gains (steps, n) and covariances (steps + 1, n, n) of the filter's own model.
 
     Parameters
@@ -107,7 +110,9 @@ def design(Phi, Q, H, R, P0):
     return gains, covariances
 
 
-def achieve(Phi, Q, H, R, M0, gains):
+def achieve(
+    Phi: ArrayLike, Q: ArrayLike, H: ArrayLike, R: float, M0: ArrayLike, gains: ArrayLike
+) -> np.ndarray:
     """Return the true second moments (steps + 1, n, n) of the error under given `gains`.
 
     Arguments and errors as in `design`, but of the true world: R may be 0, and gains 0 is

@@ -11,11 +11,12 @@ import math
 from numbers import Real
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav.checks import array, number
 
 
-def decay(dt, correlation_time):
+def decay(dt: float, correlation_time: float) -> tuple[float, float]:
     """Return a and 1 − a² with a = exp(−dt/T_c): one step of the process with unit variance."""
     dt = number("dt", dt, above=0)
     correlation_time = number("correlation_time", correlation_time, above=0)
@@ -23,7 +24,9 @@ def decay(dt, correlation_time):
     return a, -math.expm1(-2.0 * dt / correlation_time)
 
 
-def gauss_markov(noise, start, dt, correlation_time, sigma=1.0):
+def gauss_markov(
+    noise: ArrayLike, start: ArrayLike, dt: float, correlation_time: float, sigma: ArrayLike = 1.0
+) -> np.ndarray:
     """Return a Gauss-Markov path, v' = −v/T_c + w, with stationary standard deviation `sigma`.
 
     Parameters
@@ -60,7 +63,7 @@ def gauss_markov(noise, start, dt, correlation_time, sigma=1.0):
     return path
 
 
-def log_velocity(C_bn, v_n, current_n):
+def log_velocity(C_bn: ArrayLike, v_n: ArrayLike, current_n: ArrayLike) -> np.ndarray:
     """Return the velocity relative to the water in body axes, (…, 3) m/s: equation (11)."""
     sizes = {}
     C_bn = array("C_bn", C_bn, (..., 3, 3), sizes)
@@ -68,7 +71,7 @@ def log_velocity(C_bn, v_n, current_n):
     return np.einsum("...ji,...j->...i", C_bn, relative)
 
 
-def doppler_shift(speed, frequency, sound_speed=1500.0):
+def doppler_shift(speed: float, frequency: float, sound_speed: float = 1500.0) -> float:
     """Return the Doppler shift of an echo off the ground, equation (2), Hz; speeds in m/s."""
     sound_speed = number("sound_speed", sound_speed, above=0)
     speed = number("speed", speed, above=-sound_speed, below=sound_speed)
@@ -76,14 +79,14 @@ def doppler_shift(speed, frequency, sound_speed=1500.0):
     return frequency * ((sound_speed + speed) / (sound_speed - speed) - 1.0)
 
 
-def doppler_speed(shift, frequency, sound_speed=1500.0):
+def doppler_speed(shift: float, frequency: float, sound_speed: float = 1500.0) -> float:
     """Return the speed by equation (3), which takes speed ≪ sound speed, m/s."""
     shift, frequency = number("shift", shift), number("frequency", frequency, above=0)
     sound_speed = number("sound_speed", sound_speed, above=0)
     return sound_speed * shift / (2.0 * frequency)
 
 
-def electromotive_force(speed, current, field, gap):
+def electromotive_force(speed: float, current: float, field: float, gap: float) -> float:
     """Return E = B l (v − v_c), equation (1), in volts."""
     speed, current = number("speed", speed), number("current", current)
     field, gap = number("field", field), number("gap", gap, above=0)

@@ -20,7 +20,6 @@ from seanav.checks import array, number
 
 RATE = 7.292115e-5  # rad/s
 SEMI_MAJOR = 6378137.0  # m
-G0 = 9.80665  # m/s² in one g
 ECCENTRICITY_SQUARED = 6.69437999014e-3
 GRAVITY_EQUATOR = 9.7803253359  # m/s²
 SOMIGLIANA = 1.931852652458e-3  # k of the closed formula of normal gravity

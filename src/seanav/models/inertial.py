@@ -16,18 +16,28 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav._compile import kernel
 from seanav.checks import ParameterError, array, integer, number
-from seanav.models import attitude, earth
+from seanav.models import attitude, earth, units
 from seanav.models.attitude import skew
+from seanav.models.trajectories import Trajectory
 
 STATES = 18
 P_, V_, PHI, BA, BG, VC = (slice(i, i + 3) for i in range(0, STATES, 3))
 SLAVED = (2, 5)  # height and vertical velocity, held by the depth gauge
 
 
-def error_dynamics(position, v_n, C_bn, f_n, correlation_time, *, slaved=True):
+def error_dynamics(
+    position: ArrayLike,
+    v_n: ArrayLike,
+    C_bn: ArrayLike,
+    f_n: ArrayLike,
+    correlation_time: float,
+    *,
+    slaved: bool = True,
+) -> np.ndarray:
     """Return F of equation (10) with (A1)-(A11), shape (18, 18).
 
     Parameters
@@ -57,17 +67,10 @@ def error_dynamics(position, v_n, C_bn, f_n, correlation_time, *, slaved=True):
     R_n, R_t = earth.radii(L)
     R_nn, R_tt = earth.radii_slopes(L)
     M, T = R_n + h, R_t + h
-    v_N, v_E, _ = v_n
     w_ie = earth.earth_rate(L)
     rho = earth.transport_rate(L, h, v_n)
 
-    W_p = np.zeros((3, 3))  # of the earth rate, by position
-    W_p[:, 0] = -earth.RATE * s, 0.0, -earth.RATE * c
-    R_p = np.zeros((3, 3))  # of the transport rate, by position
-    R_p[:, 0] = -v_E * R_tt / T**2, v_N * R_nn / M**2, -v_E / (T * c**2) + v_E * t * R_tt / T**2
-    R_p[:, 2] = -v_E / T**2, v_N / M**2, v_E * t / T**2
-    R_v = np.zeros((3, 3))  # of the transport rate, by velocity
-    R_v[0, 1], R_v[1, 0], R_v[2, 1] = 1 / T, -1 / M, -t / T
+    W_p, R_p, R_v = _slopes_of_rates(L, h, v_n)
 
     F = np.zeros((STATES, STATES))
     F[P_, P_] = [
@@ -93,6 +96,24 @@ def error_dynamics(position, v_n, C_bn, f_n, correlation_time, *, slaved=True):
     return F
 
 
+def _slopes_of_rates(L, h, v_n):
+    """Return the slopes of earth rate and transport rate: W_p, R_p by position, R_v by velocity."""
+    s, c = math.sin(L), math.cos(L)
+    t = s / c
+    R_n, R_t = earth.radii(L)
+    R_nn, R_tt = earth.radii_slopes(L)
+    M, T = R_n + h, R_t + h
+    v_N, v_E, _ = v_n
+    W_p = np.zeros((3, 3))
+    W_p[:, 0] = -earth.RATE * s, 0.0, -earth.RATE * c
+    R_p = np.zeros((3, 3))
+    R_p[:, 0] = -v_E * R_tt / T**2, v_N * R_nn / M**2, -v_E / (T * c**2) + v_E * t * R_tt / T**2
+    R_p[:, 2] = -v_E / T**2, v_N / M**2, v_E * t / T**2
+    R_v = np.zeros((3, 3))
+    R_v[0, 1], R_v[1, 0], R_v[2, 1] = 1 / T, -1 / M, -t / T
+    return W_p, R_p, R_v
+
+
 def _gravity_slope(L, h):
     s, c = math.sin(L), math.cos(L)
     e2, k = earth.ECCENTRICITY_SQUARED, earth.SOMIGLIANA
@@ -111,9 +132,9 @@ class SensorErrors:
     A bias is constant over a run and drawn with this standard deviation per axis.
     """
 
-    accelerometer_bias: float = 0.05e-3 * earth.G0  # m/s²
+    accelerometer_bias: float = 0.05e-3 * units.G0  # m/s²
     gyro_bias: float = math.radians(0.02) / 3600  # rad/s
-    accelerometer_noise: float = 0.01e-3 * earth.G0  # m/s²/√Hz
+    accelerometer_noise: float = 0.01e-3 * units.G0  # m/s²/√Hz
     gyro_noise: float = math.radians(0.005) / 60  # rad/√s
 
     def __post_init__(self):
@@ -162,7 +183,9 @@ def _corrected(a, u, b, p):
     return turn, (d0 + sculling[0] / 12.0, d1 + sculling[1] / 12.0, d2 + sculling[2] / 12.0)
 
 
-def preintegrate(rotation, velocity, per_step):
+def preintegrate(
+    rotation: ArrayLike, velocity: ArrayLike, per_step: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Merge fast body increments into slow ones, coning and sculling included.
 
     Parameters
@@ -201,7 +224,14 @@ def preintegrate(rotation, velocity, per_step):
     return theta, dv
 
 
-def sensor_increments(trajectory, errors, generator, initial_bias, *, rate=100):
+def sensor_increments(
+    trajectory: Trajectory,
+    errors: SensorErrors,
+    generator: np.random.Generator,
+    initial_bias: ArrayLike,
+    *,
+    rate: int = 100,
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the increments that erring sensors report at 1 Hz, from `rate` samples a second.
 
     Parameters
@@ -307,7 +337,14 @@ def _mechanise(position, v_n, q, theta, dv, dt, track):
             longitude += dlongitude
 
 
-def mechanise(position, v_n, q, theta, dv, dt):
+def mechanise(
+    position: ArrayLike,
+    v_n: ArrayLike,
+    q: ArrayLike,
+    theta: ArrayLike,
+    dv: ArrayLike,
+    dt: float,
+) -> np.ndarray:
     """Integrate increments with height and vertical velocity held.
 
     Parameters

@@ -12,9 +12,9 @@ import numpy as np
 
 from seanav.checks import ParameterError, choice, integer, number, read_only
 from seanav.models import earth
+from seanav.models.units import KNOT
 
 SHAPES = ("square", "circle", "straight", "polygon", "laps")
-KNOT = 1852.0 / 3600.0  # m/s
 
 
 @dataclass(frozen=True)
@@ -150,8 +150,10 @@ class Trajectory:
         # that three rounds are exact to rounding.
         latitude = np.full(count, self.latitude)
         for _ in range(3):
-            latitude = self.latitude + _integral(north / _radii(latitude)[0], t)
-        longitude = self.longitude + _integral(east / (_radii(latitude)[1] * np.cos(latitude)), t)
+            latitude = self.latitude + _integral(north / earth.radii(latitude)[0], t)
+        longitude = self.longitude + _integral(
+            east / (earth.radii(latitude)[1] * np.cos(latitude)), t
+        )
         return latitude, longitude
 
     def increments(self, rate=100):
@@ -179,12 +181,6 @@ class Trajectory:
         return self._cache[rate]
 
 
-def _radii(latitude):
-    w = 1.0 - earth.ECCENTRICITY_SQUARED * np.sin(latitude) ** 2
-    R_t = earth.SEMI_MAJOR / np.sqrt(w)
-    return R_t * (1.0 - earth.ECCENTRICITY_SQUARED) / w, R_t
-
-
 def _integral(rate, t):
     steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t)
     return np.concatenate([[0.0], np.cumsum(steps)])
@@ -192,7 +188,7 @@ def _integral(rate, t):
 
 def _felt(latitude, heading, turn, speed):
     """Angular rate and specific force in body axes on a level path at height 0."""
-    R_n, R_t = _radii(latitude)
+    R_n, R_t = earth.radii(latitude)
     s, c = np.sin(latitude), np.cos(latitude)
     sh, ch = np.sin(heading), np.cos(heading)
     north, east = speed * ch, speed * sh
@@ -201,8 +197,7 @@ def _felt(latitude, heading, turn, speed):
     wN, wE, wD = oN + rN, rE, oD + rD
     w_b = np.stack([ch * wN + sh * wE, -sh * wN + ch * wE, wD + turn], axis=1)
     cN, cE, cD = 2 * oN + rN, rE, 2 * oD + rD
-    g = earth.GRAVITY_EQUATOR * (1 + earth.SOMIGLIANA * s * s)
-    g = g / np.sqrt(1 - earth.ECCENTRICITY_SQUARED * s * s)
+    g = earth.gravity(latitude, 0.0)
     # f = dv/dt + (2 omega_ie + omega_en) × v − g, with v level.
     fN = -speed * sh * turn - cD * east
     fE = speed * ch * turn + cD * north

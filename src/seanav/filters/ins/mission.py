@@ -29,6 +29,7 @@ from seanav.filters.ins.layout import (
 from seanav.filters.ins.predict import _predict_covariance, _predict_state
 from seanav.filters.ins.score import (
     Flight,
+    Series,
     _empty_series,
     _empty_sums,
     _flight,
@@ -220,28 +221,12 @@ def _mission(settings, sensors, truth, models, filters, sums, series):
 
 
 def fly(
-    theta: ArrayLike,
-    dv: ArrayLike,
-    z: ArrayLike,
-    truth: ArrayLike,
-    x0: ArrayLike,
-    P0: ArrayLike,
-    *,
-    height: float,
-    R: float,
-    noise: ArrayLike,
-    forms: Sequence[str],
-    velocity_noise: float,
-    attitude_noise: float,
-    transition: ArrayLike,
-    mu0: ArrayLike,
-    window: int = 20,
-    cap: float = 10.0,
-    aided: bool = True,
-    about: str = "estimate",
-    stride: int = 0,
-    true_rest: ArrayLike | None = None,
-) -> Flight:
+    theta: ArrayLike, dv: ArrayLike, z: ArrayLike, truth: ArrayLike, x0: ArrayLike, P0: ArrayLike,
+    *, height: float, R: float, noise: ArrayLike, forms: Sequence[str],
+    velocity_noise: float, attitude_noise: float, transition: ArrayLike, mu0: ArrayLike,
+    window: int = 20, cap: float = 10.0, aided: bool = True, about: str = "estimate",
+    stride: int = 0, true_rest: ArrayLike | None = None,
+) -> Flight:  # fmt: skip
     """Fly one batch of missions with one EKF or the IMM of several.
 
     Parameters
@@ -249,19 +234,15 @@ def fly(
     theta, dv : (steps, 3, LANES)
         Increments as reported, 1 s each (see `seanav.models.inertial.preintegrate`).
     z : (steps, axes, LANES)
-        Log at the end of each step, m/s; 1 axis (forward) or up to 3, noise variance `R` each.
+        Log at the end of each step, m/s; 1 axis (forward), 2 or 3.
     truth : (steps, 10)
         Latitude, longitude, v_N, v_E, quaternion, metres per radian north and east.
-    x0 : (17, LANES)
-        Nominal state at the start, the same for every model.
-    P0 : (models, 136, LANES)
-        Packed covariances at the start.
-    height : float
-        m, held.
-    noise : (models, 2)
-        Of the current per step: decay a and variance q.
-    forms : sequence of str
-        Fading form of each model, a key of `seanav.filters.fading.FORMS`.
+    x0 : (17, LANES); P0 : (models, 136, LANES)
+        Nominal state at the start, the same for every model; packed covariances.
+    height, R : float
+        Height, held, m; noise variance of each axis of the log, (m/s)².
+    noise : (models, 2); forms : sequence of str
+        Of the current per step: decay a and variance q. Keys of `seanav.filters.fading.FORMS`.
     velocity_noise, attitude_noise : float
         Process noise variance per step, (m/s)² and rad².
     transition : (models, models); mu0 : (models,)
@@ -273,28 +254,42 @@ def fly(
     about : str
         Where H is linearised, a key of `LINEARISED`: at the estimate; with the attitude
         columns of the true velocity through still water, zero; or wholly at the truth.
-    stride : int
-        Record the error every so many steps; 0: never.
-    true_rest : (steps // stride, 9, LANES)
-        True biases and current at the recorded steps, for the NEES; None: zero.
+    stride : int; true_rest : (steps // stride, 9, LANES)
+        Record every so many steps, 0: never; true biases and current then, None: zero.
 
     Raises
     ------
     seanav.checks.ParameterError
-        If a shape does not fit the others, a number is not finite or out of its bounds, or
-        a name is none of those allowed.
+        If shapes do not fit, a number is not finite or out of its bounds, or a word unknown.
     """
     sizes = {"runs": LANES}
-    sensors = Sensors(
-        array("theta", theta, ("steps", 3, "runs"), sizes),
-        array("dv", dv, ("steps", 3, "runs"), sizes),
-        array("z", z, ("steps", "axes", "runs"), sizes),
-    )
+    sensors = _sensors(theta, dv, z, sizes)
     states = array("truth", truth, ("steps", TRUTH), sizes)
     models, filters = _models(noise, forms, transition, sizes), _filters(x0, P0, mu0, sizes)
-    steps = sizes["steps"]
+    trust = (height, R, window, cap, velocity_noise, attitude_noise)
+    settings = _settings(sizes, *trust, aided, about, stride)
+    rest, series = _records(true_rest, settings, sizes)
+    sums = _empty_sums(settings.models)
+    _mission(settings, sensors, Truth(states, rest), models, filters, sums, series)
+    return _flight(sums, len(states), series, filters.P)
+
+
+# ---------------------------------------------------------------- checks of what is flown
+
+
+def _sensors(theta, dv, z, sizes) -> Sensors:
+    theta = array("theta", theta, ("steps", 3, "runs"), sizes)
+    dv = array("dv", dv, ("steps", 3, "runs"), sizes)
+    z = array("z", z, ("steps", "axes", "runs"), sizes)
     integer("axes of z", sizes["axes"], at_least=1, at_most=3)
-    settings = Settings(
+    return Sensors(theta, dv, z)
+
+
+def _settings(
+    sizes, height, R, window, cap, velocity_noise, attitude_noise, aided, about, stride
+) -> Settings:
+    steps = sizes["steps"]
+    return Settings(
         models=sizes["models"],
         height=number("height", height),
         dt=1.0,
@@ -307,13 +302,14 @@ def fly(
         about=LINEARISED[choice("about", about, LINEARISED)],
         stride=min(integer("stride", stride, at_least=0), steps + 1),  # which is never
     )
-    records = steps // settings.stride if settings.stride else 0
+
+
+def _records(true_rest, settings, sizes) -> tuple[np.ndarray, Series]:
+    records = sizes["steps"] // settings.stride if settings.stride else 0
     rest = np.zeros((records, N - B_A, LANES))
     if true_rest is not None and records:
         rest = array("true_rest", true_rest, rest.shape)
-    sums, series = _empty_sums(settings.models), _empty_series(settings.models, records)
-    _mission(settings, sensors, Truth(states, rest), models, filters, sums, series)
-    return _flight(sums, steps, series, filters.P)
+    return rest, _empty_series(settings.models, records)
 
 
 def _models(noise, forms, transition, sizes) -> Models:

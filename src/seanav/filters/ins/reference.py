@@ -76,7 +76,7 @@ def predict(state: State, P, theta, dv, decay, Q):
 
     latitude, _, height = state.position
     R_n, R_t = earth.radii(latitude)
-    half_way = state.v_n + 0.5 * a_n * [1, 1, 0]  # height is held, so v_D is zero
+    half_way = state.v_n + 0.5 * a_n * [1.0, 1.0, 0.0]  # height is held, so v_D is zero
     w_ie, rho = earth.earth_rate(latitude), earth.transport_rate(latitude, height, half_way)
     a_n = a_n - np.cross(0.5 * DT * (w_ie + rho), a_n)  # the n axes have turned half the way
     v_n = state.v_n + a_n - DT * np.cross(2 * w_ie + rho, half_way)

@@ -5,10 +5,10 @@ from matplotlib import pyplot as plt
 
 from seanav import plots
 from seanav.models import earth
+from seanav.models.units import KM
 from seanav.studies.imm_sea_current import scores
 from seanav.studies.imm_sea_current.claims import BEST, PURE
 
-KM = 1e3
 SIGMA = r"$\sigma_T$ (m/s)"
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from seanav.checks import ParameterError, markov_chain
 from seanav.filters import fading
-from seanav.models import earth, inertial
-from seanav.models.trajectories import KNOT, SHAPES, Trajectory
+from seanav.models import earth, inertial, units
+from seanav.models.trajectories import SHAPES, Trajectory
 from seanav.scenario import Choice, Integer, List, Number, Parameters, parameter, tenth
 
 CLAIMS = tuple(f"4.{k}" for k in range(1, 18))
@@ -186,7 +186,7 @@ class Scenario(Parameters):
             name = "laps" if laps > 1 else "sides"
             allowed = f"must leave at least {math.ceil(lap)} s for a lap"
             raise ParameterError(name, getattr(self, name), allowed)
-        least = self.speed_kn * KNOT * max(1 / TURN_RATE, sides * TURN_TIME / (2 * math.pi))
+        least = self.speed_kn * units.KNOT * max(1 / TURN_RATE, sides * TURN_TIME / (2 * math.pi))
         if self.corner_radius < least:
             allowed = f"must be at least {math.ceil(least)} m at {self.speed_kn:g} kn"
             allowed += f" and {sides} sides: increments of one second follow no sharper turn"
@@ -209,9 +209,9 @@ class Scenario(Parameters):
     def sensor_errors(self) -> inertial.SensorErrors:
         """Table 1 in SI units."""
         return inertial.SensorErrors(
-            self.accelerometer_bias_mg * 1e-3 * earth.G0,
+            self.accelerometer_bias_mg * 1e-3 * units.G0,
             math.radians(self.gyro_bias_deg_h) / 3600,
-            self.accelerometer_noise_mg * 1e-3 * earth.G0,
+            self.accelerometer_noise_mg * 1e-3 * units.G0,
             math.radians(self.gyro_noise_deg_sqrt_h) / 60,
         )
 
@@ -231,7 +231,7 @@ def _path(shape, duration, speed_kn, latitude_deg, longitude_deg, corner_radius,
     return Trajectory(
         shape=shape,
         duration=duration,
-        speed=speed_kn * KNOT,
+        speed=speed_kn * units.KNOT,
         latitude=math.radians(latitude_deg),
         longitude=math.radians(longitude_deg),
         corner_radius=corner_radius,
