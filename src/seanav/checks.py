@@ -38,10 +38,17 @@ def number(name, value, *, above=-math.inf, at_least=-math.inf, below=math.inf, 
         if math.isfinite(bound)
     ]
     allowed = " ".join(["must be a finite number", " and ".join(bounds)]).strip()
-    real = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    real = isinstance(value, Real) and not isinstance(value, bool) and _finite(value)
     if not real or not (above < value < below and at_least <= value <= at_most):
         raise ParameterError(name, value, allowed)
     return float(value)
+
+
+def _finite(value):
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond the range of a float
+        return False
 
 
 def choice(name, value, allowed):
@@ -60,17 +67,32 @@ def choice(name, value, allowed):
 
 
 def array(
-    name: str, value, shape: tuple[int | str, ...], sizes: dict[str, int] | None = None
+    name: str,
+    value,
+    shape: tuple,
+    sizes: dict | None = None,
+    *,
+    at_least: float = -math.inf,
+    at_most: float = math.inf,
+    also: float = math.nan,
+    contiguous: bool = True,
 ) -> np.ndarray:
     """Return `value` as a finite, C-contiguous float array of the wanted shape.
 
     Parameters
     ----------
-    shape : tuple of int and str
-        Wanted length of each axis; a word stands for any length of at least 1.
+    shape : tuple of int, str and ...
+        Wanted length of each axis; a word stands for any length of at least 1, and ``...``
+        for any number of axes of any length.
     sizes : dict, optional
-        Length of each word so far: it grows, and the same word must mean the same length
-        in every array that is checked with it.
+        Length of each word so far: it grows, and the same word, or ``...``, must mean the
+        same in every array that is checked with it.
+    at_least, at_most : float
+        Bounds of every entry.
+    also : float
+        An infinity that has a meaning and is allowed.
+    contiguous : bool
+        False: the order in memory does not matter, and an array of floats is not copied.
 
     Raises
     ------
@@ -87,22 +109,28 @@ def array(
     """
     try:
         found = np.asarray(value)
-        if found.dtype.kind not in "iuf":
+        if found.dtype.kind not in "iuf" or np.ma.is_masked(value):
             raise TypeError
-        found = np.ascontiguousarray(found, dtype=float).reshape(found.shape)
+        found = np.asarray(found, dtype=float, order="C" if contiguous else None)
     except (TypeError, ValueError):
         raise ParameterError(name, value, "must be an array of real numbers") from None
     _demand_shape(name, found.shape, shape, {} if sizes is None else sizes)
-    if not np.isfinite(found).all():
-        place = tuple(int(i) for i in np.argwhere(~np.isfinite(found))[0])
+    usable = np.isfinite(found)
+    if not math.isnan(also):
+        usable |= found == also
+    if not usable.all():
+        place = tuple(int(i) for i in np.argwhere(~usable)[0])
         at = f" at {place}" if place else ""
         raise ParameterError(name, float(found[place]), f"must be finite everywhere, is not{at}")
+    if at_least > -math.inf and found.size and found.min() < at_least:
+        allowed = f"must be at least {at_least:g} everywhere"
+        raise ParameterError(name, float(found.min()), allowed)
+    if at_most < math.inf and found.size and found.max() > at_most:
+        raise ParameterError(name, float(found.max()), f"must be at most {at_most:g} everywhere")
     return found
 
 
-def in_place(
-    name: str, value, shape: tuple[int | str, ...], sizes: dict[str, int] | None = None
-) -> np.ndarray:
+def in_place(name: str, value, shape: tuple, sizes: dict | None = None) -> np.ndarray:
     """Return `value`, an array that a kernel will change in place, after the checks of `array`.
 
     Raises
@@ -135,6 +163,10 @@ def covariance(name: str, value, size: int, *, definite: bool = False) -> np.nda
 
 
 def _demand_shape(name, found, wanted, sizes):
+    if ... in wanted:
+        at, more = wanted.index(...), len(found) - len(wanted) + 1
+        rest = sizes.setdefault(..., found[at : at + more]) if more >= 0 else ()
+        wanted = (*wanted[:at], *rest, *wanted[at + 1 :])
     fits = len(found) == len(wanted)
     if fits:
         for length, axis in zip(found, wanted, strict=True):
