@@ -39,7 +39,7 @@ def outcomes():
         ({"measured_steering": ["depth"]}, "measured_steering = 'depth': must be one of 'v'"),
         ({"measured_diving": []}, "measured_diving = (): must name at least one state"),
         ({"Q_steering": [1e-5, 1e-5]}, "must be a list of 3 variances"),
-        ({"Q_steering": [1e-5, 1e-5, 0.0]}, "H G Q Gᵀ Hᵀ = [[1e-05"),
+        ({"Q_steering": [1e-5, 1e-5, 0.0]}, "Q = [[1e-05"),
         ({"Q_diving": 1e-5}, "Q_diving = 1e-05: must be a list of 4 variances"),
         ({"R_diving": [1e-4, 1e-4, 1e-4, 0.0]}, "must be above 0 in every place"),
         ({"larger_Q": 0.5}, "larger_Q = 0.5: must be a finite number at least 1"),
@@ -55,7 +55,7 @@ def test_bad_input_is_one_clear_line(change, line):
 def test_noise_through_the_fin_alone_is_refused_by_multiple_factors():
     # G = B: one noise for three states, so H G Q Gᵀ Hᵀ has rank one.
     B = study.problem(SMALL).B
-    with pytest.raises(ParameterError, match="must not be singular"):
+    with pytest.raises(ParameterError, match="must not make H Q Hᵀ singular"):
         adaptive.weights(np.eye(3), np.outer(B, B), "multiple")
 
 

@@ -8,19 +8,13 @@ from filterpy.kalman import IMMEstimator, KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from seanav.checks import ParameterError
 from seanav.filters import fading, imm, linear_covariance
-
-
-def _interact(T, mu):
-    T, mu = np.array(T, dtype=float), np.array(mu, dtype=float)
-    predicted, weights = np.empty_like(mu), np.empty((*T.shape, mu.shape[1]))
-    imm.interact(T, mu, predicted, weights)
-    return predicted, weights
 
 
 def test_interaction_by_hand():
     T = [[0.9, 0.1], [0.3, 0.7]]
-    predicted, weights = _interact(T, [[0.6], [0.4]])
+    predicted, weights = imm.interact(T, [[0.6], [0.4]])
     assert predicted[:, 0] == pytest.approx([0.66, 0.34])
     # weights[j, i]: where model j comes from
     assert weights[0, :, 0] == pytest.approx([0.54 / 0.66, 0.12 / 0.66])
@@ -40,11 +34,10 @@ def test_interaction_by_hand():
 def test_probabilities_stay_probabilities(case):
     T, mu, logs = (np.array(part) for part in case)
     T, mu = T / T.sum(axis=1, keepdims=True), mu / mu.sum()
-    predicted, weights = _interact(T, mu[:, None])
+    predicted, weights = imm.interact(T, mu[:, None])
     assert predicted.sum() == pytest.approx(1)
     assert weights.sum(axis=1) == pytest.approx(1)
-    after = np.empty((len(mu), 1))
-    imm.probabilities(predicted, np.ascontiguousarray(logs[:, None]), after)
+    after = imm.probabilities(predicted, logs[:, None])
     assert np.isfinite(after).all()
     assert after.sum() == pytest.approx(1)
 
@@ -54,9 +47,44 @@ def test_an_outlier_does_not_reset_the_modes():
     S = (1.0, 1.5)
     logs = np.array([[imm.log_likelihood(1e8, variance)] for variance in S])
     assert (np.exp(logs) == 0).all()  # where plain likelihoods are all zero
-    mu = np.empty((2, 1))
-    imm.probabilities(predicted, logs, mu)
+    mu = imm.probabilities(predicted, logs)
     assert mu[:, 0] == pytest.approx([0, 1])
+
+
+def test_an_infinite_residual_under_every_model_says_nothing_of_the_modes():
+    predicted = np.array([[0.3, 0.3, 0.3], [0.7, 0.7, 0.7]])
+    logs = np.array([[-np.inf, -1.0, -np.inf], [-np.inf, -1.0, -1.0]])
+    mu = imm.probabilities(predicted, logs)
+    assert mu[:, 0].tolist() == [0.3, 0.7]
+    assert mu[:, 1] == pytest.approx([0.3, 0.7])
+    assert mu[:, 2].tolist() == [0.0, 1.0]
+
+
+@pytest.mark.parametrize("logs", [[[np.nan], [-1.0]], [[-np.inf], [np.nan]], [[np.inf], [0.0]]])
+def test_a_log_likelihood_that_is_no_number_is_refused_and_stays_in_its_run(logs):
+    predicted = np.array([[0.3], [0.7]])
+    with pytest.raises(ParameterError, match=r"^logs = (nan|inf): must be finite"):
+        imm.probabilities(predicted, logs)
+    # Within a mission the run is lost and says so; the others go on.
+    both, mu = np.hstack([logs, [[0.0], [0.0]]]), np.empty((2, 2))
+    imm._probabilities(np.hstack([predicted] * 2), both, mu)
+    assert np.isnan(mu[:, 0]).any()
+    assert mu[:, 1] == pytest.approx([0.3, 0.7])
+
+
+@pytest.mark.parametrize(
+    ("T", "mu", "line"),
+    [
+        ([[0.9, 0.2], [0.1, 0.8]], [[0.5], [0.5]], "sum of T = 1.1: must be 1 in every row"),
+        ([[0.9, 0.1], [0.1, 0.9]], [[0.5], [0.6]], "sum of mu = 1.1: must be 1"),
+        ([[1.1, -0.1], [0.1, 0.9]], [[0.5], [0.5]], "T = -0.1: must be at least 0 everywhere"),
+        ([[0.9, 0.1], [0.1, 0.9]], [[1.0]], "mu = (1, 1): must have the shape (2, 1)"),
+    ],
+)
+def test_what_is_no_chain_is_one_clear_line(T, mu, line):
+    with pytest.raises(ParameterError) as caught:
+        imm.interact(T, mu)
+    assert line in str(caught.value)
 
 
 def test_log_likelihood_is_the_gaussian_density():
@@ -76,7 +104,7 @@ def test_mixture_has_the_moments_of_the_mixture():
     i, j = np.triu_indices(size)
     P = np.ascontiguousarray(full[:, :, i, j].transpose(0, 2, 1))
     mean, packed = np.empty((size, runs)), np.empty((len(i), runs))
-    imm.mix(weights, d, P, mean, packed, np.empty((size, runs)))
+    imm._mix(weights, d, P, mean, packed, np.empty((size, runs)))
     for r in range(runs):
         m = np.einsum("m,mk->k", weights[:, r], d[:, :, r])
         second = sum(
@@ -95,12 +123,12 @@ def _linear_imm(z, F, Q, H, R, T, mu0, x0, P0):
     mu = np.array(mu0)[:, None]
     means, probabilities = [], []
     for measured in z:
-        predicted, weights = _interact(T, mu)
+        predicted, weights = imm.interact(T, mu)
         packed = np.ascontiguousarray(P[:, i, j][:, :, None])
         mixed = []
         for m in range(models):
             mean, covariance = np.empty((n, 1)), np.empty((len(i), 1))
-            imm.mix(weights[m], x, packed, mean, covariance, np.empty((n, 1)))
+            imm._mix(weights[m], x, packed, mean, covariance, np.empty((n, 1)))
             full = np.zeros((n, n))
             full[i, j] = full[j, i] = covariance[:, 0]
             mixed.append((mean[:, 0], full))
@@ -112,7 +140,7 @@ def _linear_imm(z, F, Q, H, R, T, mu0, x0, P0):
             logs[m] = imm.log_likelihood(rho**2, S)
             K = C @ H / S
             x[m, :, 0], P[m] = prior + K * rho, C - np.outer(K, K) * S
-        imm.probabilities(predicted, logs, mu)
+        mu = imm.probabilities(predicted, logs)
         means.append(np.einsum("mr,mkr->k", mu, x))
         probabilities.append(mu[:, 0].copy())
     return np.array(means), np.array(probabilities)
@@ -143,13 +171,13 @@ def test_window_and_factor():
     window, total = np.zeros((3, 2)), np.empty(2)
     residuals = np.array([[1.0, 2.0], [3.0, 1.0], [2.0, 2.0], [5.0, 0.5]])
     for step, residual in enumerate(residuals):
-        fading.remember(window, step, residual**2, total)
+        fading._remember(window, step, residual**2, total)
         expected = (residuals[max(0, step - 2) : step + 1] ** 2).sum(axis=0)
         assert total == pytest.approx(expected)
-    assert fading.factor(9.0, 1, 1.0, 100.0) == 1.0  # one residual says nothing
-    assert fading.factor(9.0, 4, 1.0, 100.0) == pytest.approx(3.0)  # over n − 1
-    assert fading.factor(9.0, 4, 100.0, 100.0) == 1.0
-    assert fading.factor(9.0, 4, 1e-9, 100.0) == 100.0
+    assert fading._factor(9.0, 1, 1.0, 100.0) == 1.0  # one residual says nothing
+    assert fading._factor(9.0, 4, 1.0, 100.0) == pytest.approx(3.0)  # over n − 1
+    assert fading._factor(9.0, 4, 100.0, 100.0) == 1.0
+    assert fading._factor(9.0, 4, 1e-9, 100.0) == 100.0
 
 
 def test_mean_log_factor_of_a_matched_filter():
@@ -161,7 +189,7 @@ def test_mean_log_factor_of_a_matched_filter():
         lambda x: math.log(x / 19) * stats.chi2(20).pdf(x), 19, 200, epsabs=1e-10
     )
     draws = np.random.default_rng(1).chisquare(20, 200000)
-    ours = np.mean([math.log(fading.factor(value, 20, 1.0, 10.0)) for value in draws])
+    ours = np.mean([math.log(fading._factor(value, 20, 1.0, 10.0)) for value in draws])
     assert ours == pytest.approx(expected, abs=2e-3)
     assert expected == pytest.approx(0.13, abs=0.02)
 

@@ -389,8 +389,7 @@ def test_nonlinear_filter_with_H_at_the_truth_is_the_linear_model():
     scenario = study.Scenario(runs=2, duration_s=1800.0)
     path, steps = scenario.path(), 1800
     sensed = study.sense(scenario, 0)
-    theta, dv = np.empty((steps, 3)), np.empty((steps, 3))
-    inertial.preintegrate(*path.increments(), 100, theta, dv)
+    theta, dv = inertial.preintegrate(*path.increments(), 100)
     sides = (np.repeat(x[:, :, None], study.LANES, axis=2) for x in (theta, dv))
     sensed = study.Sensors(
         *map(np.ascontiguousarray, sides),

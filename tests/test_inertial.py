@@ -111,10 +111,9 @@ def test_mechanisation_of_errorless_increments_stays_on_the_trajectory():
 def _fly(path, errors, bias, rate=100):
     latitude, longitude, v_n, heading = path.states()
     theta, dv = inertial.sensor_increments(path, errors, np.random.default_rng(3), bias, rate=rate)
-    track = np.empty((len(theta) + 1, 8))
     q = np.array([math.cos(heading[0] / 2), 0.0, 0.0, math.sin(heading[0] / 2)])
     start = np.array([latitude[0], longitude[0], 0.0])
-    inertial.mechanise(start, v_n[0], q, theta, dv, 1.0, track)
+    track = inertial.mechanise(start, v_n[0], q, theta, dv, 1.0)
     return track, latitude, longitude, v_n, heading
 
 
@@ -140,16 +139,12 @@ def two_hours():
         # Their use of an argument that pandas 3 deprecates.
         warnings.filterwarnings("ignore", "The copy keyword is deprecated")
         theirs = pyins.strapdown.Integrator(pva, with_altitude=False).integrate(increments)
-    theta, dv = np.empty_like(rotation), np.empty_like(velocity)
-    inertial.preintegrate(rotation, velocity, 1, theta, dv)
-    track = np.empty((len(theta) + 1, 8))
+    theta, dv = inertial.preintegrate(rotation, velocity, 1)
     q = np.array([math.cos(heading[0] / 2), 0.0, 0.0, math.sin(heading[0] / 2)])
     position = np.array([latitude[0], longitude[0], 0.0])
-    inertial.mechanise(position, v_n[0], q, theta, dv, 0.01, track)
-    slow_theta, slow_dv = np.empty((7200, 3)), np.empty((7200, 3))
-    inertial.preintegrate(rotation, velocity, 100, slow_theta, slow_dv)
-    slow = np.empty((7201, 8))
-    inertial.mechanise(position, v_n[0], q, slow_theta, slow_dv, 1.0, slow)
+    track = inertial.mechanise(position, v_n[0], q, theta, dv, 0.01)
+    slow_theta, slow_dv = inertial.preintegrate(rotation, velocity, 100)
+    slow = inertial.mechanise(position, v_n[0], q, slow_theta, slow_dv, 1.0)
     return theirs, track, slow, path
 
 
@@ -189,8 +184,7 @@ def test_preintegration_under_coning_matches_fine_integration(axis):
         total = total + C @ attitude.exp_so3(0.5 * w[k]) @ f[k]
         C = C @ attitude.exp_so3(w[k])
     fast = [part.reshape(200, 200, 3).sum(axis=1) for part in (w, f)]
-    theta, dv = np.empty((2, 3)), np.empty((2, 3))
-    inertial.preintegrate(*fast, 100, theta, dv)
+    theta, dv = inertial.preintegrate(*fast, 100)
     assert dv[1] == pytest.approx(total, abs=2e-6)
     assert attitude.exp_so3(theta[1]) == pytest.approx(C, abs=2e-6)
 
@@ -255,3 +249,31 @@ def test_measurement_principles():
     assert currents.electromotive_force(2.0, 0.5, 0.1, 0.2) == pytest.approx(0.03)
     C = attitude.C_bn_from_rpy(np.array([0.0, 0.0, math.pi / 2]))
     assert currents.log_velocity(C, [0.0, 5.0, 0.0], [0.0, 1.0, 0.0])[0] == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "line"),
+    [
+        (
+            lambda fast: inertial.preintegrate(fast, fast[:5], 2),
+            "velocity = (5, 3): must have the shape (6, 3) (fast intervals, 3)",
+        ),
+        (lambda fast: inertial.preintegrate(fast, fast, 4), "per_step = 4: must divide 6 fast"),
+        (lambda fast: inertial.preintegrate(fast, fast, -1), "per_step = -1: must be an integer"),
+        (lambda fast: earth.radii(36.0), "latitude = 36.0: must be a finite number at least -1.5"),
+        (lambda fast: attitude.skew(fast), "a = (6, 3): must have the shape (3,)"),
+        (lambda fast: inertial.SensorErrors(gyro_noise=-1.0), "gyro_noise = -1.0: must be"),
+        (
+            lambda fast: inertial.mechanise(fast[0], fast[0], np.zeros(4), fast, fast, 1.0),
+            "q = [0.0, 0.0, 0.0, 0.0]: must have the length 1",
+        ),
+        (
+            lambda fast: currents.gauss_markov(fast, fast[0], 1.0, 10.0, np.ones(5)),
+            "sigma = (5,): must have the shape (6,) (steps,)",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_one_clear_line(call, line):
+    with pytest.raises(ParameterError) as caught:
+        call(np.zeros((6, 3)))
+    assert line in str(caught.value)

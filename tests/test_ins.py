@@ -130,9 +130,9 @@ def test_prediction_of_the_error_matches_differences_of_the_mechanisation():
             e = np.zeros((16, LANES))
             e[column] = sign * size
             moved = x.copy()
-            ins.shift(moved, e, 1.0)
+            ins._shift(moved, e, 1.0)
             ins._predict_state(moved, theta, dv, 0.0, 1.0, decay, np.zeros_like(f))
-            ins.difference(moved, after, e)
+            ins._difference(moved, after, e)
             ends.append(e)
         numeric = (ends[0] - ends[1]) / (2 * size)
         out = _column(f, column)
@@ -160,7 +160,7 @@ def test_H_matches_differences_at_a_large_current(axis):
             e = np.zeros((16, LANES))
             e[column] = sign * 1e-4
             moved = x.copy()
-            ins.shift(moved, e, 1.0)
+            ins._shift(moved, e, 1.0)
             ins._look(
                 moved, P.reshape(-1), z, axis, 0.01, 0, 0.0, h.reshape(-1), u.reshape(-1), rho, S
             )
@@ -172,8 +172,8 @@ def test_shift_and_difference_are_inverse_and_follow_the_paper():
     x, random = _nominal(), np.random.default_rng(2)
     e = 1e-4 * random.standard_normal((16, LANES))
     moved, back = x.copy(), np.zeros_like(e)
-    ins.shift(moved, e, 1.0)
-    ins.difference(moved, x, back)
+    ins._shift(moved, e, 1.0)
+    ins._difference(moved, x, back)
     assert back == pytest.approx(e, abs=1e-11)
     C, C_hat = _matrix(x[4:8, 0]), _matrix(moved[4:8, 0])
     assert C_hat == pytest.approx((np.eye(3) - attitude.skew(e[4:7, 0])) @ C, abs=1e-7)
@@ -284,7 +284,7 @@ def _plain_imm(theta, dv, z, truth, x0, P0, noise, T, mu, window, cap, R, q_velo
         weights = T[:, :, None] * mu[:, None] / predicted  # from i to j
         about, deviations = x[0].copy(), np.zeros((models, 16, LANES))
         for i in range(models):
-            ins.difference(x[i], about, deviations[i])
+            ins._difference(x[i], about, deviations[i])
         mixed = []
         for j in range(models):
             mean = np.einsum("ir,ikr->kr", weights[:, j], deviations)
@@ -292,7 +292,7 @@ def _plain_imm(theta, dv, z, truth, x0, P0, noise, T, mu, window, cap, R, q_velo
             spread = np.einsum("ir,ikr,imr->rkm", weights[:, j], c, c)
             mixed.append(sum(weights[i, j][:, None, None] * P[i] for i in range(models)) + spread)
             x[j] = about.copy()
-            ins.shift(x[j], mean, 1.0)
+            ins._shift(x[j], mean, 1.0)
         likelihoods = np.empty((models, LANES))
         for j, (decay, q) in enumerate(noise):
             x[j], Phi = _dense(x[j], theta[k], dv[k], decay)
@@ -309,16 +309,16 @@ def _plain_imm(theta, dv, z, truth, x0, P0, noise, T, mu, window, cap, R, q_velo
             A = np.eye(16) - K[:, :, None] * H[:, None]
             P[j] = A @ prior @ A.transpose(0, 2, 1) + R * K[:, :, None] * K[:, None]
             likelihoods[j] = np.exp(-0.5 * rho**2 / S) / np.sqrt(2 * math.pi * S)
-            ins.shift(x[j], np.ascontiguousarray((K * rho[:, None]).T), -1.0)
+            ins._shift(x[j], np.ascontiguousarray((K * rho[:, None]).T), -1.0)
         mu = likelihoods * predicted
         mu = mu / mu.sum(axis=0)
         about = x[0].copy()
         for i in range(models):
-            ins.difference(x[i], about, deviations[i])
-        ins.shift(about, np.einsum("ir,ikr->kr", mu, deviations), 1.0)
+            ins._difference(x[i], about, deviations[i])
+        ins._shift(about, np.einsum("ir,ikr->kr", mu, deviations), 1.0)
         true, e = np.zeros((ins.NOMINAL, LANES)), np.zeros((16, LANES))
         true[:8] = truth[k, :8, None]
-        ins.difference(about, true, e)
+        ins._difference(about, true, e)
         e[:2] *= truth[k, 8:10, None]
         errors.append(e)
         modes.append(mu)

@@ -25,7 +25,7 @@ FORMS = {
 
 
 @kernel
-def remember(window, step, squared, total):
+def _remember(window, step, squared, total):
     """Put this step's squared residual into the ring and write the sum over the window.
 
     Parameters
@@ -50,7 +50,7 @@ def remember(window, step, squared, total):
 
 
 @kernel
-def factor(total, count, S, cap):
+def _factor(total, count, S, cap):
     """Return beta = max(1, Ŝ/S), equation (16), with Ŝ = total / (count − 1), (15).
 
     It is 1 while fewer than two residuals are at hand, and never above `cap`.

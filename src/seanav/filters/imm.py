@@ -16,22 +16,12 @@ import math
 import numpy as np
 
 from seanav._compile import kernel
+from seanav.checks import ParameterError, array, number
 
 
 @kernel
-def interact(T, mu, predicted, weights):
-    """Predict mode probabilities (20) and compute mixing weights (21).
-
-    Parameters
-    ----------
-    T : (models, models)
-        T[i, j] = Pr(model j now | model i before); rows sum to one.
-    mu : (models, runs)
-        Mode probabilities after the last measurement.
-    predicted : (models, runs), output
-    weights : (models, models, runs), output
-        weights[j, i] = Pr(model i before | model j now).
-    """
+def _interact(T, mu, predicted, weights):
+    # See `interact`; predicted and weights are filled.
     models, runs = mu.shape
     for j in range(models):
         for r in range(runs):
@@ -48,27 +38,77 @@ def interact(T, mu, predicted, weights):
                     weights[j, i, r] = 1.0 if i == j else 0.0
 
 
-@kernel
-def log_likelihood(squared, S):
-    """Return the log density of a scalar residual with variance `S`, equation (24)."""
-    return -0.5 * (math.log(2.0 * math.pi * S) + squared / S)
-
-
-@kernel
-def probabilities(predicted, logs, mu):
-    """Update the mode probabilities by Bayes' rule (25), from log-likelihoods.
+def interact(T, mu):
+    """Predict mode probabilities (20) and compute mixing weights (21).
 
     Parameters
     ----------
-    predicted, logs : (models, runs)
-    mu : (models, runs), output
+    T : array (models, models)
+        T[i, j] = Pr(model j now | model i before); rows sum to one.
+    mu : array (models, runs)
+        Mode probabilities after the last measurement; they sum to one in each run.
+
+    Returns
+    -------
+    predicted : ndarray (models, runs)
+    weights : ndarray (models, models, runs)
+        weights[j, i] = Pr(model i before | model j now).
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If shapes do not fit or these are no probabilities.
     """
+    sizes = {}
+    T = _distributions("T", T, ("models", "models"), sizes, axis=1)
+    mu = _distributions("mu", mu, ("models", "runs"), sizes)
+    predicted, weights = np.empty_like(mu), np.empty((*T.shape, mu.shape[1]))
+    _interact(T, mu, predicted, weights)
+    return predicted, weights
+
+
+def _distributions(name, value, shape, sizes, axis=0):
+    p = array(name, value, shape, sizes, at_least=0)
+    total = p.sum(axis=axis).ravel()
+    worst = float(total[np.abs(total - 1).argmax()])
+    if abs(worst - 1) > 1e-9:
+        raise ParameterError(f"sum of {name}", worst, "must be 1" + " in every row" * axis)
+    return p
+
+
+@kernel
+def _log_likelihood(squared, S):
+    return -0.5 * (math.log(2.0 * math.pi * S) + squared / S)
+
+
+def log_likelihood(squared, S):
+    """Return the log density of a scalar residual with variance `S`, equation (24).
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If the squared residual is negative or the variance not positive.
+    """
+    return _log_likelihood(number("squared", squared, at_least=0), number("S", S, above=0))
+
+
+@kernel
+def _probabilities(predicted, logs, mu):
+    # See `probabilities`; mu is filled. A log-likelihood that is no number makes all modes
+    # of its own run no numbers: probability zero would hide that a filter broke down.
     models, runs = mu.shape
     for r in range(runs):
-        largest = -math.inf
+        largest, told = -math.inf, False
         for j in range(models):
             if predicted[j, r] > 0.0:
                 largest = max(largest, logs[j, r])
+                told |= logs[j, r] != -math.inf
+        if not told:
+            # So improbable under every model that no density is left to compare (a residual
+            # beyond 1e154 squared is infinite): the measurement says nothing of the modes.
+            for j in range(models):
+                mu[j, r] = predicted[j, r]
+            continue
         total = 0.0
         for j in range(models):
             mu[j, r] = 0.0
@@ -79,9 +119,33 @@ def probabilities(predicted, logs, mu):
             mu[j, r] /= total
 
 
+def probabilities(predicted, logs):
+    """Return the mode probabilities (models, runs) by Bayes' rule (25).
+
+    Parameters
+    ----------
+    predicted : array (models, runs)
+        As from `interact`.
+    logs : array (models, runs)
+        Log-likelihoods; -inf is allowed, and in every model it leaves `predicted`.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If shapes do not fit, `predicted` are no probabilities, or a log-likelihood is no
+        number or +inf.
+    """
+    sizes = {}
+    predicted = _distributions("predicted", predicted, ("models", "runs"), sizes)
+    logs = array("logs", logs, ("models", "runs"), sizes, also=-math.inf)
+    mu = np.empty_like(predicted)
+    _probabilities(predicted, logs, mu)
+    return mu
+
+
 @kernel
-def mix(weights, deviations, P, mean, covariance, centred):
-    """Return one Gaussian with the moments of a mixture, equations (22) and (26).
+def _mix(weights, deviations, P, mean, covariance, centred):
+    """Write one Gaussian with the moments of a mixture, equations (22) and (26).
 
     Parameters
     ----------

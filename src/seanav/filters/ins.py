@@ -25,6 +25,7 @@ import math
 import numpy as np
 
 from seanav._compile import kernel
+from seanav.checks import ParameterError, array, choice, integer, number
 from seanav.filters import fading, imm
 from seanav.models import earth, inertial
 
@@ -80,7 +81,7 @@ def _predict_state(x, theta, dv, height, dt, decay, f):
             turned = 0.5 * (rotation[j] * x[8 + k, r] - rotation[k] * x[8 + j, r])
             turned += 0.5 * (x[11 + j, r] * dv[k, r] - x[11 + k, r] * dv[j, r])
             velocity[i] = dv[i, r] - (x[8 + i, r] + turned) * dt
-        step = inertial.advance(latitude, height, v_N, v_E, q, rotation, velocity, dt)
+        step = inertial._advance(latitude, height, v_N, v_E, q, rotation, velocity, dt)
         dL, dlongitude, n_N, n_E, f[_F, r], f[_F + 1, r], f[_F + 2, r] = step
         # Attitude of mid-interval: q(end) times half the rotation backwards.
         hx, hy, hz = -0.25 * rotation[0], -0.25 * rotation[1], -0.25 * rotation[2]
@@ -263,8 +264,8 @@ def _look(x, P, z, axis, R, about, true_heading, h, u, rho, S):
 
 
 @kernel
-def shift(x, e, sign):
-    """Move nominal states x (17, runs) by error states e (16, runs): sign +1 adds them."""
+def _shift(x, e, sign):
+    # See `shift`; x is changed.
     for r in range(LANES):
         for i in range(4):
             x[i, r] += sign * e[i, r]
@@ -280,8 +281,34 @@ def shift(x, e, sign):
             x[8 + i, r] += sign * e[7 + i, r]
 
 
+def shift(x, e, sign=1.0):
+    """Return nominal states moved by error states.
+
+    Parameters
+    ----------
+    x : array (17, LANES)
+        Nominal states.
+    e : array (16, LANES)
+        Error states.
+    sign : float
+        +1 adds the errors, -1 takes them away.
+
+    Returns
+    -------
+    ndarray (17, LANES)
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If a shape does not fit or a number is not finite.
+    """
+    moved = array("x", x, (NOMINAL, LANES)).copy()
+    _shift(moved, array("e", e, (N, LANES)), number("sign", sign))
+    return moved
+
+
 @kernel
-def difference(x, reference, e):
+def _difference(x, reference, e):
     """Write the error states of x relative to `reference`, (17, runs) each, into e (16, runs)."""
     for r in range(LANES):
         for i in range(4):
@@ -386,14 +413,14 @@ def _mission(
     for step in range(steps):
         heading = 2.0 * math.atan2(truth[step, 7], truth[step, 4])
         if models > 1:
-            imm.interact(T, mu, predicted, weights)
+            imm._interact(T, mu, predicted, weights)
             best[:] = x[0]
             for i in range(models):
-                difference(x[i], best, deviations[i])
+                _difference(x[i], best, deviations[i])
             for j in range(models):
-                imm.mix(weights[j], deviations, P, mean, mixed_P[j], centred)
+                imm._mix(weights[j], deviations, P, mean, mixed_P[j], centred)
                 x[j] = best
-                shift(x[j], mean, 1.0)
+                _shift(x[j], mean, 1.0)
             P[:] = mixed_P
         for j in range(models):
             decay, q_current = noise[j, 0], noise[j, 1]
@@ -413,9 +440,9 @@ def _mission(
                     for r in range(LANES):
                         squared[r] += rho[r] * rho[r]
                         spread[r] += S[r]
-                fading.remember(rings[j], step, squared, total)
+                fading._remember(rings[j], step, squared, total)
                 for r in range(LANES):
-                    beta[j, r] = fading.factor(total[r], min(step + 1, window), spread[r], cap)
+                    beta[j, r] = fading._factor(total[r], min(step + 1, window), spread[r], cap)
                 _inflate(flat_P[j], forms[j], beta[j], q_current)
                 if forms[j] == fading.LITERAL_GAIN:
                     for r in range(LANES):
@@ -428,30 +455,30 @@ def _mission(
                 for r in range(LANES):
                     nis[j, r] += rho[r] * rho[r] / S[r]
                     if models > 1:
-                        logs[j, r] += imm.log_likelihood(rho[r] * rho[r], S[r])
+                        logs[j, r] += imm._log_likelihood(rho[r] * rho[r], S[r])
                 for i in range(N):
                     for r in range(LANES):
                         e[i, r] = gain[r] * u[i * LANES + r] * (rho[r] / S[r])
                 _correct(flat_P[j], u, S, gain)
-                shift(x[j], e, -1.0)
+                _shift(x[j], e, -1.0)
         if models > 1:
-            imm.probabilities(predicted, logs, mu)
+            imm._probabilities(predicted, logs, mu)
             best[:] = x[0]
             for i in range(models):
-                difference(x[i], best, deviations[i])
+                _difference(x[i], best, deviations[i])
             for k in range(N):
                 for r in range(LANES):
                     mean[k, r] = 0.0
                 for i in range(models):
                     for r in range(LANES):
                         mean[k, r] += mu[i, r] * deviations[i, k, r]
-            shift(best, mean, 1.0)
+            _shift(best, mean, 1.0)
         else:
             best[:] = x[0]
         for i in range(8):
             for r in range(LANES):
                 true_state[i, r] = truth[step, i]
-        difference(best, true_state, e)
+        _difference(best, true_state, e)
         meters_N, meters_E = truth[step, 8], truth[step, 9]
         for r in range(LANES):
             north, east = e[0, r] * meters_N, e[1, r] * meters_E
@@ -482,7 +509,7 @@ def _mission(
                         e[i, r] -= last[at, i - 7, r]
                         series[at, i, r] = e[i, r]
                 if models > 1:
-                    imm.mix(mu, deviations, P, mean, best_P, centred)
+                    imm._mix(mu, deviations, P, mean, best_P, centred)
                 else:
                     best_P[:] = P[0]
                 for r in range(LANES):
@@ -493,13 +520,14 @@ def _mission(
 def pack_diagonal(variances):
     """Return a packed diagonal covariance of the 16 states, (136, LANES)."""
     P = np.zeros((PACKED, LANES))
-    P[AT[np.arange(N), np.arange(N)]] = np.asarray(variances, dtype=float)[:, None]
+    P[np.diagonal(AT)] = array("variances", variances, (N,), at_least=0)[:, None]
     return P
 
 
 def unpack(P):
     """Return covariances (18, 18, runs) from packed ones (136, runs); held states are zero."""
-    full = np.zeros((inertial.STATES, inertial.STATES, P.shape[-1]))
+    P = array("P", P, (PACKED, "runs"))
+    full = np.zeros((inertial.STATES, inertial.STATES, P.shape[1]))
     full[np.ix_(KEPT, KEPT)] = P[AT]
     return full
 
@@ -534,7 +562,7 @@ def fly(
     theta, dv : (steps, 3, LANES)
         Increments as reported, 1 s each (see `seanav.models.inertial.preintegrate`).
     z : (steps, axes, LANES)
-        Log at the end of each step, m/s; 1 axis (forward) or 3, noise variance `R` each.
+        Log at the end of each step, m/s; 1 axis (forward), 2 or 3, noise variance `R` each.
     truth : (steps, 10)
         Latitude, longitude, v_N, v_E, quaternion, metres per radian north and east.
     x0 : (17, LANES)
@@ -569,33 +597,65 @@ def fly(
         Errors of the 16 states (position in metres), NEES, mode probabilities.
     P : (models, 136, LANES)
         Covariances at the end.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If shapes do not fit, a number is not finite or out of its bounds, or a word unknown.
     """
-    models, steps = len(P0), len(z)
+    sizes = {}
+    theta = array("theta", theta, ("steps", 3, LANES), sizes)
+    dv = array("dv", dv, ("steps", 3, LANES), sizes)
+    z = array("z", z, ("steps", "axes", LANES), sizes)
+    truth = array("truth", truth, ("steps", 10), sizes)
+    x0 = array("x0", x0, (NOMINAL, LANES))
+    P = array("P0", P0, ("models", PACKED, LANES), sizes).copy()
+    T = imm._distributions("transition", transition, ("models", "models"), sizes, axis=1)
+    mu = imm._distributions("mu0", mu0, ("models",), sizes)
+    noise = array("noise", noise, ("models", 2), sizes, at_least=0)
+    models, steps, axes = len(P), len(z), z.shape[1]
+    integer("axes of z", axes, at_least=1, at_most=3)
+    least = float(P[:, np.diagonal(AT)].min())
+    if least < 0:
+        raise ParameterError("P0", least, "must not be negative on the diagonal")
+    if not isinstance(forms, (list, tuple)) or len(forms) != models:
+        raise ParameterError("forms", forms, f"must be a list of {models} fading forms")
+    forms = [fading.FORMS[choice("forms", form, fading.FORMS)] for form in forms]
+    window = min(integer("window", window, at_least=1), steps)  # a longer one stays empty
+    stride = min(integer("stride", stride, at_least=0), steps + 1)  # which is never
+    settings = [
+        number("height", height),
+        1.0,
+        number("R", R, above=0),
+        number("cap", cap, at_least=1),
+        number("velocity_noise", velocity_noise, at_least=0),
+        number("attitude_noise", attitude_noise, at_least=0),
+        float(choice("aided", aided, (True, False))),
+        float(LINEARISED[choice("about", about, LINEARISED)]),
+    ]
     records = steps // stride if stride else 0
+    rest = np.zeros((max(records, 1), 9, LANES))
+    if true_rest is not None and records:
+        rest = array("true_rest", true_rest, (records, 9, LANES))
     sums = np.zeros((len(SUMS) + models, LANES))
     series = np.zeros((max(records, 1), N + 1 + models, LANES))
-    rest = np.zeros((max(records, 1), 9, LANES)) if true_rest is None else true_rest
-    settings = [height, 1.0, R, cap, velocity_noise, attitude_noise, aided, LINEARISED[about]]
-    x = np.repeat(x0[None], models, axis=0)
-    P = np.array(P0, dtype=float)
-    mu = np.repeat(np.asarray(mu0, dtype=float)[:, None], LANES, axis=1)
     _mission(
         theta,
         dv,
         z,
         truth,
-        x,
+        np.repeat(x0[None], models, axis=0),
         P,
-        mu,
-        np.array(transition, dtype=float),
-        np.array(settings, dtype=float),
-        np.array(noise, dtype=float),
-        np.array([fading.FORMS[form] for form in forms]),
+        np.repeat(mu[:, None], LANES, axis=1),
+        T,
+        np.array(settings),
+        noise,
+        np.array(forms),
         window,
         stride,
         sums,
         series,
-        np.ascontiguousarray(rest),
+        rest,
     )
     sums /= steps
     if records:

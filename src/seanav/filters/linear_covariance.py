@@ -11,6 +11,7 @@ Press, 1979, section 6.8.
 import numpy as np
 
 from seanav._compile import kernel
+from seanav.checks import array, covariance, number
 
 
 @kernel
@@ -85,25 +86,43 @@ def design(Phi, Q, H, R, P0):
 
     Parameters
     ----------
-    Phi : (steps, n, n)
-    Q : (n,)
+    Phi : array (steps, n, n)
+    Q : array (n,)
         Diagonal of the process noise per step.
-    H : (steps, n)
+    H : array (steps, n)
         Row of the one measurement at the end of each step.
     R : float
-    P0 : (n, n)
+        Variance of its noise, above 0.
+    P0 : array (n, n)
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If shapes do not fit, a number is not finite, or a variance or covariance is none.
     """
+    Phi, Q, H, P0 = _checked(Phi, Q, H, "P0", P0)
     gains = np.empty_like(H)
     covariances = np.empty((len(Phi) + 1, *P0.shape))
-    _design(Phi, Q, H, float(R), P0, gains, covariances)
+    _design(Phi, Q, H, number("R", R, above=0), P0, gains, covariances)
     return gains, covariances
 
 
 def achieve(Phi, Q, H, R, M0, gains):
     """Return the true second moments (steps + 1, n, n) of the error under given `gains`.
 
-    Arguments as in `design`, but of the true world; gains 0 is a filter without updates.
+    Arguments and errors as in `design`, but of the true world: R may be 0, and gains 0 is
+    a filter without updates.
     """
+    Phi, Q, H, M0 = _checked(Phi, Q, H, "M0", M0)
+    gains = array("gains", gains, H.shape)
     moments = np.empty((len(Phi) + 1, *M0.shape))
-    _achieve(Phi, Q, H, float(R), M0, gains, moments)
+    _achieve(Phi, Q, H, number("R", R, at_least=0), M0, gains, moments)
     return moments
+
+
+def _checked(Phi, Q, H, name, start):
+    sizes = {}
+    Phi = array("Phi", Phi, ("steps", "states", "states"), sizes)
+    Q = array("Q", Q, ("states",), sizes, at_least=0)
+    H = array("H", H, ("steps", "states"), sizes)
+    return Phi, Q, H, covariance(name, start, len(Q))

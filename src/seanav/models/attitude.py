@@ -8,14 +8,18 @@ import math
 
 import numpy as np
 
+from seanav.checks import array
+
 
 def skew(a):
     """Return [a×], shape (3, 3), so that skew(a) @ b = a × b."""
+    a = array("a", a, (3,))
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
 
 def exp_so3(rotation):
     """Return the rotation matrix of a rotation vector (3,), rad: Rodrigues' formula."""
+    rotation = array("rotation", rotation, (3,))
     angle = math.sqrt(float(np.dot(rotation, rotation)))
     K = skew(rotation)
     if angle < 1e-8:
@@ -25,6 +29,7 @@ def exp_so3(rotation):
 
 def C_bn_from_rpy(rpy):
     """Return C_bn (3, 3), body to NED, from roll, pitch and yaw (rad)."""
+    rpy = array("rpy", rpy, (3,))
     (sr, sp, sy), (cr, cp, cy) = np.sin(rpy), np.cos(rpy)
     return np.array(
         [
@@ -37,5 +42,5 @@ def C_bn_from_rpy(rpy):
 
 def attitude_error(C_bn_estimate, C_bn):
     """Return phi (3,), rad, of C(q̂) = (I − [φ×]) C(q), to first order (paper equation (8))."""
-    D = np.asarray(C_bn_estimate) @ np.asarray(C_bn).T
+    D = array("C_bn_estimate", C_bn_estimate, (3, 3)) @ array("C_bn", C_bn, (3, 3)).T
     return 0.5 * np.array([D[1, 2] - D[2, 1], D[2, 0] - D[0, 2], D[0, 1] - D[1, 0]])

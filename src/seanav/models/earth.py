@@ -1,5 +1,7 @@
 """WGS-84 ellipsoid, gravity on it, earth and transport rates.
 
+Latitudes are in rad, from -π/2 to π/2; anything else is a `seanav.checks.ParameterError`.
+
 References
 ----------
 P. D. Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation
@@ -12,7 +14,7 @@ import math
 
 import numpy as np
 
-from seanav._compile import kernel
+from seanav.checks import array, number
 
 RATE = 7.292115e-5  # rad/s
 SEMI_MAJOR = 6378137.0  # m
@@ -21,18 +23,21 @@ GRAVITY_EQUATOR = 9.7803253359  # m/s²
 SOMIGLIANA = 1.931852652458e-3  # k of the closed formula of normal gravity
 
 
-@kernel
+def _latitude(value):
+    return number("latitude", value, at_least=-math.pi / 2, at_most=math.pi / 2)
+
+
 def radii(latitude):
     """Return the meridian and transverse radii of curvature R_n, R_t (m)."""
-    s = math.sin(latitude)
+    s = math.sin(_latitude(latitude))
     w = 1.0 - ECCENTRICITY_SQUARED * s * s
     R_t = SEMI_MAJOR / math.sqrt(w)
     return R_t * (1.0 - ECCENTRICITY_SQUARED) / w, R_t
 
 
-@kernel
 def radii_slopes(latitude):
     """Return dR_n/dL and dR_t/dL (m/rad), called R_nn and R_tt in equation (A1)."""
+    latitude = _latitude(latitude)
     s, c = math.sin(latitude), math.cos(latitude)
     w = 1.0 - ECCENTRICITY_SQUARED * s * s
     e2 = ECCENTRICITY_SQUARED
@@ -40,23 +45,24 @@ def radii_slopes(latitude):
     return R_nn, SEMI_MAJOR * e2 * s * c / w**1.5
 
 
-@kernel
 def gravity(latitude, height):
     """Return normal gravity (m/s²): Somigliana's formula, linear in the height (m)."""
-    s = math.sin(latitude)
+    s = math.sin(_latitude(latitude))
     surface = GRAVITY_EQUATOR * (1.0 + SOMIGLIANA * s * s)
     surface /= math.sqrt(1.0 - ECCENTRICITY_SQUARED * s * s)
-    return surface * (1.0 - 2.0 * height / SEMI_MAJOR)
+    return surface * (1.0 - 2.0 * number("height", height) / SEMI_MAJOR)
 
 
 def earth_rate(latitude):
     """Return the earth rate omega_ie in n, shape (3,), rad/s."""
+    latitude = _latitude(latitude)
     return np.array([RATE * math.cos(latitude), 0.0, -RATE * math.sin(latitude)])
 
 
 def transport_rate(latitude, height, v_n):
     """Return the transport rate omega_en in n, shape (3,), rad/s, at velocity `v_n` (m/s)."""
     R_n, R_t = radii(latitude)
-    north, east = v_n[0], v_n[1]
+    latitude, height = _latitude(latitude), number("height", height)
+    north, east, _ = array("v_n", v_n, (3,))
     around = east / (R_t + height)
     return np.array([around, -north / (R_n + height), -around * math.tan(latitude)])

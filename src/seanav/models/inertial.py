@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seanav._compile import kernel
+from seanav.checks import ParameterError, array, integer, number
 from seanav.models import earth
 from seanav.models.attitude import skew
 
@@ -41,8 +42,16 @@ def error_dynamics(position, v_n, C_bn, f_n, correlation_time, *, slaved=True):
         T_c of the sea current, s.
     slaved : bool
         Hold height and vertical velocity: their rows and columns are zero.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If a shape does not fit, a number is not finite or out of its bounds.
     """
-    L, _, h = position
+    L, _, h = array("position", position, (3,))
+    v_n, f_n = array("v_n", v_n, (3,)), array("f_n", f_n, (3,))
+    C_bn = array("C_bn", C_bn, (3, 3))
+    correlation_time = number("correlation_time", correlation_time, above=0)
     s, c = math.sin(L), math.cos(L)
     t = s / c
     R_n, R_t = earth.radii(L)
@@ -107,26 +116,14 @@ class SensorErrors:
     accelerometer_noise: float = 0.01e-3 * 9.80665  # m/s²/√Hz
     gyro_noise: float = math.radians(0.005) / 60  # rad/√s
 
+    def __post_init__(self):
+        for name, value in vars(self).items():
+            number(name, value, at_least=0)
+
 
 @kernel
-def preintegrate(rotation, velocity, per_step, theta, dv):
-    """Merge fast body increments into slow ones, coning and sculling included.
-
-    Parameters
-    ----------
-    rotation, velocity : (per_step * steps, 3)
-        Integrals of angular rate (rad) and specific force (m/s) over fast intervals.
-    per_step : int
-        Fast intervals in one slow interval.
-    theta, dv : (steps, 3), output
-        Rotation vector of a slow interval; velocity increment in the body axes at its start.
-
-    Notes
-    -----
-    Savage's two-sample corrections inside an interval (products of neighbours over 12),
-    then exact composition: dv accumulates through the rotation matrix, which is kept as a
-    quaternion and turned into a rotation vector at the end.
-    """
+def _preintegrate(rotation, velocity, per_step, theta, dv):
+    # See `preintegrate`; theta and dv are filled.
     steps = theta.shape[0]
     for step in range(steps):
         w, x, y, z = 1.0, 0.0, 0.0, 0.0
@@ -174,6 +171,45 @@ def preintegrate(rotation, velocity, per_step, theta, dv):
         dv[step, 0], dv[step, 1], dv[step, 2] = sx, sy, sz
 
 
+def preintegrate(rotation, velocity, per_step):
+    """Merge fast body increments into slow ones, coning and sculling included.
+
+    Parameters
+    ----------
+    rotation, velocity : array (per_step * steps, 3)
+        Integrals of angular rate (rad) and specific force (m/s) over fast intervals.
+    per_step : int
+        Fast intervals in one slow interval.
+
+    Returns
+    -------
+    theta, dv : ndarray (steps, 3)
+        Rotation vector of a slow interval; velocity increment in the body axes at its start.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If shapes do not fit, a number is not finite, or the fast intervals make no whole
+        number of slow ones.
+
+    Notes
+    -----
+    Savage's two-sample corrections inside an interval (products of neighbours over 12),
+    then exact composition: dv accumulates through the rotation matrix, which is kept as a
+    quaternion and turned into a rotation vector at the end.
+    """
+    sizes = {}
+    rotation = array("rotation", rotation, ("fast intervals", 3), sizes)
+    velocity = array("velocity", velocity, ("fast intervals", 3), sizes)
+    per_step = integer("per_step", per_step, at_least=1)
+    steps, left = divmod(len(rotation), per_step)
+    if left:
+        raise ParameterError("per_step", per_step, f"must divide {len(rotation)} fast intervals")
+    theta, dv = np.empty((steps, 3)), np.empty((steps, 3))
+    _preintegrate(rotation, velocity, per_step, theta, dv)
+    return theta, dv
+
+
 def sensor_increments(trajectory, errors, generator, initial_bias, *, rate=100):
     """Return the increments that erring sensors report at 1 Hz, from `rate` samples a second.
 
@@ -192,7 +228,14 @@ def sensor_increments(trajectory, errors, generator, initial_bias, *, rate=100):
     Returns
     -------
     theta, dv : (steps, 3)
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If there are not six finite biases or `rate` is no positive integer.
     """
+    initial_bias = array("initial_bias", initial_bias, (6,))
+    rate = integer("rate", rate, at_least=1, at_most=10_000)
     rotation, velocity = trajectory.increments(rate)
     noise = generator.standard_normal((rotation.shape[0], 6))
     spread = 1.0 / math.sqrt(rate)
@@ -200,17 +243,14 @@ def sensor_increments(trajectory, errors, generator, initial_bias, *, rate=100):
     velocity = velocity + (
         initial_bias[:3] / rate + errors.accelerometer_noise * spread * noise[:, :3]
     )
-    theta = np.empty((rotation.shape[0] // rate, 3))
-    dv = np.empty_like(theta)
-    preintegrate(rotation, velocity, rate, theta, dv)
-    return theta, dv
+    return preintegrate(rotation, velocity, rate)
 
 
 # ---------------------------------------------------------------- mechanisation
 
 
 @kernel
-def advance(latitude, height, v_N, v_E, q, theta, dv, dt):
+def _advance(latitude, height, v_N, v_E, q, theta, dv, dt):
     """Advance one interval in place of `q`; return latitude and longitude rates and velocity.
 
     Parameters
@@ -279,24 +319,8 @@ def advance(latitude, height, v_N, v_E, q, theta, dv, dt):
 
 
 @kernel
-def mechanise(position, v_n, q, theta, dv, dt, track):
-    """Integrate increments with height and vertical velocity held.
-
-    Parameters
-    ----------
-    position : (3,)
-        Latitude, longitude (rad), height (m).
-    v_n : (3,)
-        Velocity, m/s; the vertical one is taken as zero.
-    q : (4,)
-        Quaternion body to n, scalar first.
-    theta, dv : (steps, 3)
-        As from `preintegrate`.
-    dt : float
-        Interval, s.
-    track : (steps + 1, 8), output
-        Latitude, longitude, v_N, v_E, quaternion.
-    """
+def _mechanise(position, v_n, q, theta, dv, dt, track):
+    # See `mechanise`; track is filled.
     latitude, longitude, v_N, v_E = position[0], position[1], v_n[0], v_n[1]
     attitude = q.copy()
     for step in range(theta.shape[0] + 1):
@@ -308,8 +332,46 @@ def mechanise(position, v_n, q, theta, dv, dt, track):
         )
         track[step, 4:] = attitude
         if step < theta.shape[0]:
-            dL, dlongitude, v_N, v_E, _, _, _ = advance(
+            dL, dlongitude, v_N, v_E, _, _, _ = _advance(
                 latitude, position[2], v_N, v_E, attitude, theta[step], dv[step], dt
             )
             latitude += dL
             longitude += dlongitude
+
+
+def mechanise(position, v_n, q, theta, dv, dt):
+    """Integrate increments with height and vertical velocity held.
+
+    Parameters
+    ----------
+    position : array (3,)
+        Latitude, longitude (rad), height (m).
+    v_n : array (3,)
+        Velocity, m/s; the vertical one is taken as zero.
+    q : array (4,)
+        Quaternion body to n, scalar first, of length 1.
+    theta, dv : array (steps, 3)
+        As from `preintegrate`.
+    dt : float
+        Interval, s.
+
+    Returns
+    -------
+    ndarray (steps + 1, 8)
+        Latitude, longitude, v_N, v_E, quaternion; the start first.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If shapes do not fit, a number is not finite or out of its bounds.
+    """
+    sizes = {}
+    position, v_n = array("position", position, (3,)), array("v_n", v_n, (3,))
+    q = array("q", q, (4,))
+    if abs(q @ q - 1.0) > 1e-6:
+        raise ParameterError("q", q.tolist(), "must have the length 1")
+    theta = array("theta", theta, ("steps", 3), sizes)
+    dv = array("dv", dv, ("steps", 3), sizes)
+    track = np.empty((len(theta) + 1, 8))
+    _mechanise(position, v_n, q, theta, dv, number("dt", dt, above=0), track)
+    return track

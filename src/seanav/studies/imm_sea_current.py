@@ -380,7 +380,7 @@ def fly(scenario, sensors, filter_, sigma_true, *, runs=LANES, stride=0):
     x0[:8] = _start(path)[:, None]
     e0 = np.zeros((ins.N, LANES))
     e0[:13] = std[:, None] * sensors.errors0[:13]
-    ins.shift(x0, e0, 1.0)
+    x0 = ins.shift(x0, e0)
 
     models = filter_.sigma or (1.0,)
     a, q = currents.decay(1.0, filter_.correlation_time_s or scenario.correlation_time_s)
