@@ -228,9 +228,9 @@ def test_only_the_window_counts():
     [
         (2, np.ones((3, 3)), {}, "must have full row rank"),
         (2, np.ones((3, 3)), {"method": "single"}, "must have full row rank"),
-        (3, np.diag([1.0, 1.0, 0.0]), {}, "H G Q Gᵀ Hᵀ = [[1.0"),
-        (3, np.outer([1, 2, 3], [1, 2, 3]), {}, "must not be singular"),
-        (3, np.zeros((3, 3)), {"method": "single"}, "must have a positive trace"),
+        (3, np.diag([1.0, 1.0, 0.0]), {}, "Q = [[1.0, 0.0, 0.0], [0.0, 1.0"),
+        (3, np.outer([1, 2, 3], [1, 2, 3]), {}, "must not make H Q Hᵀ singular"),
+        (3, np.zeros((3, 3)), {"method": "single"}, "must give H Q Hᵀ a positive"),
         (2, np.eye(3), {"window": 0}, "window = 0: must be an integer of at least 1"),
         (2, np.eye(3), {"alpha": 0.0}, "alpha = 0.0: must be a finite number above 0 and below 1"),
         (2, np.eye(3), {"alpha": 1}, "alpha = 1: must be a finite number above 0 and below 1"),

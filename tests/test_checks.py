@@ -113,6 +113,45 @@ def test_no_such_array(value, told):
     assert told in str(caught.value)
 
 
+def test_dots_stand_for_the_same_axes_in_every_array():
+    sizes = {}
+    array("C", np.zeros((4, 5, 3, 3)), (..., 3, 3), sizes)
+    assert array("v", np.zeros((4, 5, 3)), (..., 3), sizes).shape == (4, 5, 3)
+    with pytest.raises(ParameterError, match=r"v = \(4, 3\): must have the shape \(4, 5, 3\)"):
+        array("v", np.zeros((4, 3)), (..., 3), sizes)
+    assert array("speed", 2.0, (...,)).shape == ()
+    with pytest.raises(ParameterError, match=r"v = \(\): must have the shape"):
+        array("v", 2.0, (..., 3))
+
+
+def test_entries_of_an_array_have_bounds():
+    assert array("w", [0.0, 1.0], (2,), at_least=0, at_most=1).tolist() == [0, 1]
+    with pytest.raises(ParameterError, match=r"^w = -0.5: must be at least 0 everywhere$"):
+        array("w", [0.0, -0.5], (2,), at_least=0)
+    with pytest.raises(ParameterError, match=r"^w = 1.5: must be at most 1 everywhere$"):
+        array("w", [1.5, 0.0], (2,), at_most=1)
+    assert array("log", [-np.inf], (1,), also=-np.inf).tolist() == [-np.inf]
+    with pytest.raises(ParameterError, match=r"^log = inf: must be finite"):
+        array("log", [np.inf, -np.inf], (2,), also=-np.inf)
+
+
+def test_an_array_is_copied_only_for_its_order():
+    view = np.zeros((3, 4)).T
+    assert np.shares_memory(array("x", view, (4, 3), contiguous=False), view)
+    assert array("x", view, (4, 3)).flags.c_contiguous
+
+
+def test_masked_entries_are_no_numbers():
+    value = np.ma.array([1.0, 2.0], mask=[False, True])
+    with pytest.raises(ParameterError, match="must be an array of real numbers"):
+        array("x", value, (2,))
+
+
+def test_an_integer_beyond_the_floats_is_no_finite_number():
+    with pytest.raises(ParameterError, match="must be a finite number"):
+        number("noise", 10**400)
+
+
 def test_an_empty_axis_is_refused():
     with pytest.raises(ParameterError, match=r"must have the shape \(runs, 2\)"):
         array("x", np.zeros((0, 2)), ("runs", 2))

@@ -79,7 +79,7 @@ def test_closed_form_variance_is_the_sum_of_squared_impulse_response(w1):
     gain = neural.steady_gain(Q, R)
     impulse = np.zeros((1, 400, 2))
     impulse[0, 1] = 1.0
-    response = neural.estimate(impulse, np.full(400, gain), w1, np.zeros(2))[0, :, 0]
+    response = neural.estimate(impulse, np.full(400, gain), w1, np.zeros((1, 2)))[0, :, 0]
     assert neural.steady_variance(gain, w1, R) == pytest.approx(R * (response**2).sum(), rel=1e-12)
 
 
@@ -274,14 +274,26 @@ def test_runs_do_not_depend_on_their_batch_nor_on_repetition():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda n, x, t: neural.teach(n, x[:0], t[:0]), "teaching sequence = 0: must hold at"),
-        (lambda n, x, t: neural.teach(n, x, t[1:]), "teaching sequence = 20: must hold at"),
+        (lambda n, x, t: neural.teach(n, x[:0], t[:0]), r"inputs = \(0, 2, 4\): must have the"),
+        (lambda n, x, t: neural.teach(n, x, t[1:]), r"targets = \(19, 2, 4\): must have the"),
+        (
+            lambda n, x, t: neural.teach(n.runs(slice(0, 2)), x, t),
+            r"inputs = \(20, 2, 4\): must have the shape \(20, 2, 2\)",
+        ),
+        (
+            lambda n, x, t: neural.teach(n, x, t, rate=1e308, max_epochs=5),
+            r"rate = 1e\+308: must be smaller: the weights overflow",
+        ),
+        (lambda n, x, t: n(x[..., 1:]), r"x = \(20, 2, 3\): must have the shape \(20, 2, 4\)"),
         (lambda n, x, t: neural.teach(n, x, t, delta=0.0), r"delta = 0.0: .*above 0"),
         (lambda n, x, t: neural.teach(n, x, t, rate=-1), r"rate = -1: .*above 0"),
         (lambda n, x, t: neural.teach(n, x, t, max_epochs=0), r"max_epochs = 0: .*at least 1"),
         (lambda n, x, t: neural.teach(n, x, t, reading="worst"), "reading = 'worst': must be one"),
         (lambda n, x, t: networks(hidden=0), "hidden = 0: must be an integer of at least 1"),
-        (lambda n, x, t: neural.estimate(np.ones((1, 3, 2)), np.ones(3), 1.2, 0), "w1 = 1.2: "),
+        (
+            lambda n, x, t: neural.estimate(np.ones((1, 3, 2)), np.ones(3), 1.2, np.ones((1, 2))),
+            "w1 = 1.2: ",
+        ),
         (lambda n, x, t: neural.gains(Q, 0.0, R, 5), r"R = 0.0: .*above 0"),
     ],
 )

@@ -18,6 +18,9 @@ Names
 Shapes
     Time first: ``(runs, steps, states)``. Inside compiled kernels the runs are
     innermost, so that the compiler vectorises over them.
+Arguments
+    What has no underscore may be called by anybody: it checks shape, type and finiteness
+    (`seanav.checks`). Compiled kernels check nothing and begin with an underscore.
 Randomness
     One stream per run and purpose, spawned from one seed (`seanav.montecarlo`);
     compared filters see the same noise.

@@ -31,5 +31,9 @@ def kernel(function):
     No ``fastmath`` and no BLAS call: the order of every addition is the one written.
     The interpreter lock is released, so `seanav.montecarlo.parallel_map` can run
     batches in threads. Division by zero follows IEEE 754.
+
+    A kernel believes the shapes it is given and reads beyond an array that does not fit.
+    Its name therefore begins with an underscore: it is called by other kernels, and by
+    public functions that have checked what they hand on (`seanav.checks`).
     """
     return numba.njit(cache=True, nogil=True, error_model="numpy")(function)

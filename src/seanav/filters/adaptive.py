@@ -16,8 +16,10 @@ import numpy as np
 from scipy.stats import chi2
 
 from seanav._compile import kernel
-from seanav.checks import ParameterError, choice, integer, number
+from seanav.checks import ParameterError, array, choice, covariance, integer, number
 from seanav.filters import kalman
+
+METHODS = ("single", "multiple")
 
 
 class AdaptiveTrack(NamedTuple):
@@ -54,7 +56,7 @@ def threshold(alpha, m):
         Number of measurements: the degrees of freedom.
     """
     alpha = number("alpha", alpha, above=0, below=1)
-    return float(chi2.isf(alpha, integer("measurements", m, at_least=1)))
+    return float(chi2.isf(alpha, integer("m", m, at_least=1, at_most=10**6)))
 
 
 def weights(H, Q, method):
@@ -65,25 +67,36 @@ def weights(H, Q, method):
     The pseudo-inverse extends (29) to fewer measurements than states; the factor of a
     state that no measurement contains is then 0 and the floor of (31) keeps it at 1.
 
+    Parameters
+    ----------
+    H : array (m, n)
+        Measurement matrix.
+    Q : array (n, n)
+        Covariance of the process noise in the states, G Q Gᵀ in the paper's letters.
+    method : {"single", "multiple"}
+
     Raises
     ------
     seanav.checks.ParameterError
-        If H has not full row rank or H Q Hᵀ is singular (Q stands for G Q Gᵀ).
+        As for `seanav.filters.kalman.run`, and if H has not full row rank or H Q Hᵀ is
+        singular.
     """
-    H, Q = np.asarray(H, float), np.asarray(Q, float)
-    (m, n), name = H.shape, "H"
+    choice("method", method, METHODS)
+    H = array("H", H, ("measurements", "states"))
+    m, n = H.shape
+    Q = covariance("Q", Q, n)
     if np.linalg.matrix_rank(H) < m:
-        raise ParameterError(name, H.tolist(), "must have full row rank")
+        raise ParameterError("H", H.tolist(), "must have full row rank")
     noise = H @ Q @ H.T
     if method == "single":
         if not np.trace(noise) > 0:
-            raise ParameterError("H G Q Gᵀ Hᵀ", noise.tolist(), "must have a positive trace")
+            raise ParameterError("Q", Q.tolist(), "must give H Q Hᵀ a positive trace")
         return np.repeat((np.eye(m) / np.trace(noise))[None], n, axis=0)
     # Singular or not must not depend on units: judge the correlation matrix.
     spread = np.sqrt(np.diagonal(noise))
     usable = (spread > 0).all()
     if not usable or np.linalg.cond(noise / np.outer(spread, spread)) > 1e12:
-        raise ParameterError("H G Q Gᵀ Hᵀ", noise.tolist(), "must not be singular")
+        raise ParameterError("Q", Q.tolist(), "must not make H Q Hᵀ singular")
     right = np.linalg.solve(noise, H)  # (m, n)
     return np.ascontiguousarray(np.einsum("ia,bi->iab", np.linalg.pinv(H), right))
 
@@ -98,7 +111,7 @@ def _inflate(P, Q, factors, out):
             row, old, left, right, q = out[i, j], P[i, j], factors[i], factors[j], Q[i, j]
             for r in range(runs):
                 row[r] = old[r] + np.copysign(np.sqrt(left[r] * right[r]), left[r]) * q
-            kalman.mirror(out, i, j)
+            kalman._mirror(out, i, j)
 
 
 class _Model(NamedTuple):
@@ -190,9 +203,9 @@ def _run(model, rule, x, P, z, told):
     white, fault = np.empty((m, runs)), np.empty(runs)
     for k in range(steps):
         x_new, P_new = x_out[k], P_out[k]
-        kalman.propagate(Phi, x, offsets[k], P, half, x_new, base)
-        kalman.innovate(H, z[k], x_new, innovations[k])
-        kalman.innovation_covariance(H, R, base, PHt, S0)
+        kalman._propagate(Phi, x, offsets[k], P, half, x_new, base)
+        kalman._innovate(H, z[k], x_new, innovations[k])
+        kalman._innovation_covariance(H, R, base, PHt, S0)
         # Once with Q as it is, to decide and to find the factors; once more with them.
         factors[k, :, :] = 1.0
         _inflate(base, Q, factors[k], P_new)
@@ -200,15 +213,15 @@ def _run(model, rule, x, P, z, told):
         _fading(rule, innovations, k, S, S0, before[k], fault, factors[k])
         _inflate(base, Q, factors[k], P_new)
         _normalise(H, R, P_new, innovations[k], PHt, S, L, white, nis[k])
-        kalman.correct(H, R, L, PHt, innovations[k], x_new, P_new, K, A, half)
+        kalman._correct(H, R, L, PHt, innovations[k], x_new, P_new, K, A, half)
         x, P = x_new, P_new
 
 
 @kernel
 def _normalise(H, R, P, innovation, PHt, S, L, white, nis):
-    kalman.innovation_covariance(H, R, P, PHt, S)
-    kalman.factorise(S, L)
-    kalman.normalised_square(L, innovation, white, nis)
+    kalman._innovation_covariance(H, R, P, PHt, S)
+    kalman._factorise(S, L)
+    kalman._normalised_square(L, innovation, white, nis)
 
 
 def run(
@@ -243,13 +256,16 @@ def run(
         As for `seanav.filters.kalman.run` and `weights`, and for a window below 1, an
         `alpha` outside (0, 1), or an unknown method or trigger.
     """
-    choice("method", method, ("single", "multiple"))
+    choice("method", method, METHODS)
     choice("trigger", trigger, ("chi2", "trace"))
     window = integer("window", window, at_least=1)
-    model, x, P, z, out = kalman.prepare(Phi, offsets, H, Q, R, x0, P0, z)
+    if not (isinstance(floor, float) and floor == -np.inf):  # which is no floor at all
+        floor = number("floor", floor)
+    model, x, P, z, out = kalman._prepare(Phi, offsets, H, Q, R, x0, P0, z)
     limit = threshold(alpha, z.shape[1])
     W = weights(model[2], model[3], method)
     told = _Told(*out, before=np.empty_like(out[3]), factors=np.empty_like(out[0]))
-    rule = _Rule(W, window, limit, trigger == "trace", float(floor))
+    window = min(window, z.shape[0])  # there are no more
+    rule = _Rule(W, window, limit, trigger == "trace", floor)
     _run(_Model(*model), rule, x, P, z, told)
-    return AdaptiveTrack(*kalman.track(*out), told.before.T, told.factors.transpose(2, 0, 1))
+    return AdaptiveTrack(*kalman._track(*out), told.before.T, told.factors.transpose(2, 0, 1))

@@ -1,7 +1,8 @@
 """The linear Kalman filter for a batch of runs: algebra only, runs innermost.
 
 The small kernels are the parts of one step. They work on arrays whose last axis is the
-run, so that the compiler vectorises over the runs, and other filters are built from them.
+run, so that the compiler vectorises over the runs, and other filters of this package are
+built from them.
 """
 
 from typing import NamedTuple
@@ -10,7 +11,7 @@ import numpy as np
 from scipy import linalg
 
 from seanav._compile import kernel
-from seanav.checks import array, covariance
+from seanav.checks import ParameterError, array, covariance
 
 
 class Track(NamedTuple):
@@ -38,7 +39,7 @@ class Track(NamedTuple):
 
 
 @kernel
-def propagate(Phi, x, offset, P, half, x_out, P_out):
+def _propagate(Phi, x, offset, P, half, x_out, P_out):
     """Put Phi x + offset and Phi P Phiᵀ, without process noise, into `x_out` and `P_out`."""
     n, runs = x.shape
     for i in range(n):
@@ -70,11 +71,11 @@ def propagate(Phi, x, offset, P, half, x_out, P_out):
                     old = half[i, k]
                     for r in range(runs):
                         row[r] += gain * old[r]
-            mirror(P_out, i, j)
+            _mirror(P_out, i, j)
 
 
 @kernel
-def mirror(P, i, j):
+def _mirror(P, i, j):
     """Copy P[i, j] to P[j, i]."""
     if i != j:
         here, there = P[i, j], P[j, i]
@@ -83,7 +84,7 @@ def mirror(P, i, j):
 
 
 @kernel
-def add_constant(P, Q):
+def _add_constant(P, Q):
     """Add the matrix `Q`, the same for all runs, to `P`."""
     n, _, runs = P.shape
     for i in range(n):
@@ -94,7 +95,7 @@ def add_constant(P, Q):
 
 
 @kernel
-def innovate(H, z, x, out):
+def _innovate(H, z, x, out):
     """Put z − H x into `out` (m, runs)."""
     m, n = H.shape
     runs = x.shape[1]
@@ -111,7 +112,7 @@ def innovate(H, z, x, out):
 
 
 @kernel
-def innovation_covariance(H, R, P, PHt, S):
+def _innovation_covariance(H, R, P, PHt, S):
     """Put P Hᵀ into `PHt` (n, m, runs) and H P Hᵀ + R into `S` (m, m, runs)."""
     m, n = H.shape
     runs = P.shape[2]
@@ -137,11 +138,11 @@ def innovation_covariance(H, R, P, PHt, S):
                     old = PHt[k, b]
                     for r in range(runs):
                         row[r] += gain * old[r]
-            mirror(S, a, b)
+            _mirror(S, a, b)
 
 
 @kernel
-def factorise(S, L):
+def _factorise(S, L):
     """Put the Cholesky factor of `S` into `L`, with the inverse of its diagonal on the diagonal."""
     m, _, runs = S.shape
     for b in range(m):
@@ -163,7 +164,7 @@ def factorise(S, L):
 
 
 @kernel
-def normalised_square(L, innovation, white, out):
+def _normalised_square(L, innovation, white, out):
     """Put the innovation in units of its own spread into `white` and its square into `out`."""
     m, runs = innovation.shape
     for r in range(runs):
@@ -183,7 +184,7 @@ def normalised_square(L, innovation, white, out):
 
 
 @kernel
-def correct(H, R, L, PHt, innovation, x, P, K, A, half):
+def _correct(H, R, L, PHt, innovation, x, P, K, A, half):
     """Correct `x` and `P` in place with the gain P Hᵀ S⁻¹; covariance in Joseph's form."""
     m, n = H.shape
     runs = x.shape[1]
@@ -248,7 +249,7 @@ def correct(H, R, L, PHt, innovation, x, P, K, A, half):
                         weight, left, right = R[a, b], K[i, a], K[j, b]
                         for r in range(runs):
                             row[r] += weight * left[r] * right[r]
-            mirror(P, i, j)
+            _mirror(P, i, j)
 
 
 # ---------------------------------------------------------------- the filter
@@ -263,13 +264,13 @@ def _run(Phi, offsets, H, Q, R, x, P, z, x_out, P_out, innovations, nis):
     S, L, white = np.empty((m, m, runs)), np.empty((m, m, runs)), np.empty((m, runs))
     for k in range(steps):
         x_new, P_new = x_out[k], P_out[k]
-        propagate(Phi, x, offsets[k], P, half, x_new, P_new)
-        add_constant(P_new, Q)
-        innovate(H, z[k], x_new, innovations[k])
-        innovation_covariance(H, R, P_new, PHt, S)
-        factorise(S, L)
-        normalised_square(L, innovations[k], white, nis[k])
-        correct(H, R, L, PHt, innovations[k], x_new, P_new, K, A, half)
+        _propagate(Phi, x, offsets[k], P, half, x_new, P_new)
+        _add_constant(P_new, Q)
+        _innovate(H, z[k], x_new, innovations[k])
+        _innovation_covariance(H, R, P_new, PHt, S)
+        _factorise(S, L)
+        _normalised_square(L, innovations[k], white, nis[k])
+        _correct(H, R, L, PHt, innovations[k], x_new, P_new, K, A, half)
         x, P = x_new, P_new
 
 
@@ -305,15 +306,15 @@ def run(Phi, offsets, H, Q, R, x0, P0, z):
         If shapes do not fit, a number is not finite, or a covariance is not symmetric
         and positive (R definite, Q and P0 semidefinite).
     """
-    model, x, P, z, out = prepare(Phi, offsets, H, Q, R, x0, P0, z)
+    model, x, P, z, out = _prepare(Phi, offsets, H, Q, R, x0, P0, z)
     _run(*model, x, P, z, *out)
-    return track(*out)
+    return _track(*out)
 
 
-def prepare(Phi, offsets, H, Q, R, x0, P0, z):
+def _prepare(Phi, offsets, H, Q, R, x0, P0, z):
     """Check the inputs of a filter and lay them out with the runs innermost."""
     sizes = {}
-    z = array("z", z, ("runs", "steps", "measurements"), sizes)
+    z = array("z", z, ("runs", "steps", "measurements"), sizes, contiguous=False)
     Phi = array("Phi", Phi, ("states", "states"), sizes)
     H = array("H", H, ("measurements", "states"), sizes)
     offsets = array("offsets", offsets, ("steps", "states"), sizes)
@@ -328,7 +329,7 @@ def prepare(Phi, offsets, H, Q, R, x0, P0, z):
     return (Phi, offsets, H, Q, R), x, P, z, tuple(np.empty(shape) for shape in shapes)
 
 
-def track(x, P, innovation, nis):
+def _track(x, P, innovation, nis):
     """Return kernel outputs, runs innermost, as a `Track`, runs first; nothing is copied."""
     return Track(
         x.transpose(2, 0, 1), P.transpose(3, 0, 1, 2), innovation.transpose(2, 0, 1), nis.T
@@ -338,10 +339,29 @@ def track(x, P, innovation, nis):
 def steady_covariance(Phi, H, Q, R):
     """Return the steady covariances before and after a measurement, (n, n) each.
 
-    Solution of the discrete Riccati equation; needs a pair (Phi, H) that is detectable.
+    Solution of the discrete Riccati equation.
+
+    Parameters
+    ----------
+    Phi, H, Q, R
+        As for `run`.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        As for `run`, and if no steady state exists: the pair (Phi, H) must be detectable,
+        and Q must reach every mode that does not decay.
     """
-    before = linalg.solve_discrete_are(np.transpose(Phi), np.transpose(H), Q, R)
-    gain = np.linalg.solve(H @ before @ np.transpose(H) + R, H @ before).T
+    sizes = {}
+    Phi = array("Phi", Phi, ("states", "states"), sizes)
+    H = array("H", H, ("measurements", "states"), sizes)
+    Q, R = covariance("Q", Q, len(Phi)), covariance("R", R, len(H), definite=True)
+    try:
+        before = linalg.solve_discrete_are(Phi.T, H.T, Q, R)
+    except np.linalg.LinAlgError:
+        allowed = "must be detectable through H and driven by Q: there is no steady state"
+        raise ParameterError("Phi", Phi.tolist(), allowed) from None
+    gain = np.linalg.solve(H @ before @ H.T + R, H @ before).T
     return before, before - gain @ H @ before
 
 
@@ -350,8 +370,8 @@ def _nees(errors, P, out):
     steps, n, runs = errors.shape
     L, white = np.empty((n, n, runs)), np.empty((n, runs))
     for k in range(steps):
-        factorise(P[k], L)
-        normalised_square(L, errors[k], white, out[k])
+        _factorise(P[k], L)
+        _normalised_square(L, errors[k], white, out[k])
 
 
 def nees(errors, P):
@@ -359,12 +379,25 @@ def nees(errors, P):
 
     Parameters
     ----------
-    errors : ndarray (runs, steps, n)
+    errors : array (runs, steps, n)
         Estimate minus truth.
-    P : ndarray (runs, steps, n, n)
+    P : array (runs, steps, n, n)
         Covariances of a `Track`, positive definite.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If shapes do not fit, a number is not finite, or a P is not positive definite.
     """
-    errors = np.ascontiguousarray(errors.transpose(1, 2, 0))
-    out = np.empty((errors.shape[0], errors.shape[2]))
-    _nees(errors, np.ascontiguousarray(P.transpose(1, 2, 3, 0)), out)
+    sizes, axes = {}, ("runs", "steps", "states")
+    errors = array("errors", errors, axes, sizes, contiguous=False)
+    P = array("P", P, (*axes, "states"), sizes, contiguous=False)
+    out = np.empty(errors.shape[1::-1])
+    _nees(
+        np.ascontiguousarray(errors.transpose(1, 2, 0)),
+        np.ascontiguousarray(P.transpose(1, 2, 3, 0)),
+        out,
+    )
+    for step, run_ in np.argwhere(~np.isfinite(out))[:1]:
+        raise ParameterError("P", P[run_, step].tolist(), "must be positive definite everywhere")
     return out.T

@@ -7,6 +7,7 @@ Networks of many runs are taught together, runs innermost.
 """
 
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
@@ -38,7 +39,7 @@ def gains(q, R, P0, steps):
     q = checks.number("q", q, at_least=0)
     R = checks.number("R", R, above=0)
     P0 = checks.number("P0", P0, at_least=0)
-    steps = checks.integer("steps", steps, at_least=1)
+    steps = checks.integer("steps", steps, at_least=1, at_most=10**7)
     K, P = np.zeros(steps), np.full(steps, P0)
     for i in range(1, steps):
         predicted = P[i - 1] + q
@@ -60,13 +61,13 @@ def estimate(z, K, w1, x0, innovation="blended"):
 
     Parameters
     ----------
-    z : ndarray, shape (runs, steps, 2)
+    z : array, shape (runs, steps, 2)
         Measured speed vectors, m/s.
-    K : ndarray, shape (steps,)
-        Gains; K[0] is not used.
-    w1 : float or ndarray, shape (runs, steps)
+    K : array, shape (steps,)
+        Gains from 0 to 1; K[0] is not used.
+    w1 : float or array, shape (runs, steps)
         Weight of the running measurement in [0, 1], at step i for the way to i + 1.
-    x0 : ndarray, shape (runs, 2) or (2,)
+    x0 : array, shape (runs, 2)
         Estimate at step 0, m/s.
     innovation : {"blended", "printed"}
         What the measurement is compared with: x_p, or the x_{i+1|i} = F x_i of the
@@ -79,18 +80,19 @@ def estimate(z, K, w1, x0, innovation="blended"):
     Raises
     ------
     seanav.checks.ParameterError
-        If a weight lies outside [0, 1] or `innovation` is unknown.
+        If shapes do not fit, a number is not finite, a weight or gain lies outside [0, 1],
+        or `innovation` is unknown.
 
     Notes
     -----
     Paper, section 2, third set of equations.
     """
     checks.choice("innovation", innovation, ("blended", "printed"))
-    w1 = np.asarray(w1, dtype=float)
-    if not ((w1 >= 0) & (w1 <= 1)).all():
-        worst = w1.ravel()[np.argmax(np.abs(w1.ravel() - 0.5))]
-        raise checks.ParameterError("w1", float(worst), "must be a weight between 0 and 1")
-    weight = np.broadcast_to(w1, z.shape[:2])
+    z, K, x0, sizes = _series(z, K, x0)
+    if isinstance(w1, Real):
+        weight = np.full(z.shape[:2], checks.number("w1", w1, at_least=0, at_most=1))
+    else:
+        weight = checks.array("w1", w1, ("runs", "steps"), sizes, at_least=0, at_most=1)
     x = np.empty_like(z)
     x[:, 0] = x0
     for i in range(z.shape[1] - 1):
@@ -99,6 +101,15 @@ def estimate(z, K, w1, x0, innovation="blended"):
         expected = blend if innovation == "blended" else x[:, i]
         x[:, i + 1] = blend + K[i + 1] * (z[:, i + 1] - expected)
     return x
+
+
+def _series(z, K, x0):
+    # The measurements, gains and starts of `estimate`, and the lengths of their axes.
+    sizes = {}
+    z = checks.array("z", z, ("runs", "steps", 2), sizes)
+    K = checks.array("K", K, ("steps",), sizes, at_least=0, at_most=1)
+    x0 = checks.array("x0", x0, ("runs", 2), sizes)
+    return z, K, x0, sizes
 
 
 def manoeuvre_weight(z, K, P, R, q, x0, *, memory=5, threshold=9.21):
@@ -112,16 +123,25 @@ def manoeuvre_weight(z, K, P, R, q, x0, *, memory=5, threshold=9.21):
     ----------
     z, x0
         As in `estimate`.
-    K, P : ndarray, shape (steps,)
+    K, P : array, shape (steps,)
         From `gains` with the same `R` and `q`.
     R, q : float
         Variances, (m/s)².
     memory : int
         Innovations that are summed, at least 1.
     threshold : float
-        Where the weight is one half; default: the 99 % point.
+        Where the weight is one half, above 0; default: the 99 % point.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If shapes do not fit, or a number is not finite or out of its bounds.
     """
     memory = checks.integer("memory", memory, at_least=1)
+    threshold = checks.number("threshold", threshold, above=0)
+    q, R = checks.number("q", q, at_least=0), checks.number("R", R, above=0)
+    z, K, x0, sizes = _series(z, K, x0)
+    P = checks.array("P", P, ("steps",), sizes, at_least=0)
     kalman = estimate(z, K, 0.0, x0)
     innovation = np.zeros_like(z)
     innovation[:, 1:] = z[:, 1:] - kalman[:, :-1]
@@ -138,8 +158,12 @@ def steady_variance(K, w1, R):
     """Return the error variance per component on a steady course, (m/s)².
 
     The estimate is a moving average of the measurements with weights h0, h1, h1 φ,
-    h1 φ² …: h0 = K, φ = (1 - K)(1 - w1), h1 = φ K + (1 - K) w1.
+    h1 φ² …: h0 = K, φ = (1 - K)(1 - w1), h1 = φ K + (1 - K) w1. K is above 0 and at most
+    1, w1 from 0 to 1; a `seanav.checks.ParameterError` says what is not.
     """
+    K = checks.number("K", K, above=0, at_most=1)
+    w1 = checks.number("w1", w1, at_least=0, at_most=1)
+    R = checks.number("R", R, above=0)
     phi = (1 - K) * (1 - w1)
     first = phi * K + (1 - K) * w1
     return R * (K**2 + first**2 / (1 - phi**2))
@@ -164,19 +188,23 @@ class Network:
     hidden: np.ndarray
     output: np.ndarray
 
+    def __post_init__(self):
+        sizes = {}
+        hidden = checks.array("hidden", self.hidden, (5, "neurons", "runs"), sizes)
+        output = checks.array("output", self.output, (2, "runs"), sizes)
+        object.__setattr__(self, "hidden", hidden)
+        object.__setattr__(self, "output", output)
+
     def __call__(self, x):
         """Return the output for `x` in m/s, shape (points, 2, runs), in m/s."""
-        scaled = np.ascontiguousarray(scale(x))
+        scaled = _scale(checks.array("x", x, ("points", 2, self.output.shape[1])))
         result = np.empty_like(scaled)
         _answers(self.hidden, self.output, scaled, result)
-        return unscale(result)
+        return _unscale(result)
 
     def runs(self, part):
         """Return the networks of the runs in the slice `part`."""
-        return Network(
-            np.ascontiguousarray(self.hidden[:, :, part]),
-            np.ascontiguousarray(self.output[:, part]),
-        )
+        return Network(self.hidden[:, :, part], self.output[:, part])
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,12 +224,20 @@ class Teaching:
 
 
 def scale(v):
-    """Return a speed component scaled into [0, 1]: -10 m/s is 0, 10 m/s is 1."""
-    return v / 20.0 + 0.5
+    """Return speed components, of any shape, scaled into [0, 1]: -10 m/s is 0, 10 m/s is 1."""
+    return _scale(checks.array("v", v, (...,)))
 
 
 def unscale(s):
-    """Return the speed component in m/s, the inverse of `scale`."""
+    """Return the speed components in m/s, the inverse of `scale`."""
+    return _unscale(checks.array("s", s, (...,)))
+
+
+def _scale(v):
+    return v / 20.0 + 0.5
+
+
+def _unscale(s):
     return (s - 0.5) * 20.0
 
 
@@ -213,11 +249,11 @@ def random_network(generators, hidden, spread=0.5):
     generators : list of numpy.random.Generator
         One per run.
     hidden : int
-        Neurons of the hidden layer, at least 1.
+        Neurons of the hidden layer, from 1 to 100 000.
     spread : float
         Largest initial weight, above 0.
     """
-    hidden = checks.integer("hidden", hidden, at_least=1)
+    hidden = checks.integer("hidden", hidden, at_least=1, at_most=10**5)
     spread = checks.number("spread", spread, above=0)
     drawn = np.stack([g.uniform(-spread, spread, 5 * hidden + 2) for g in generators], axis=-1)
     return Network(drawn[:-2].reshape(hidden, 5, -1).transpose(1, 0, 2).copy(), drawn[-2:].copy())
@@ -230,7 +266,7 @@ def teach(network, inputs, targets, *, rate=0.1, delta=0.001, reading="max", max
     ----------
     network : Network
         Where the teaching starts; it is not changed.
-    inputs, targets : ndarray, shape (pairs, 2, runs)
+    inputs, targets : array, shape (pairs, 2, runs)
         Teaching sequence in m/s: running measurement, the teacher's answer.
     rate : float
         Learning rate, above 0.
@@ -239,7 +275,7 @@ def teach(network, inputs, targets, *, rate=0.1, delta=0.001, reading="max", max
     reading : {"mean square", "rms", "max"}
         Which error: over pairs and components.
     max_epochs : int
-        Cap on the number of epochs, at least 1.
+        Cap on the number of epochs, from 1 to a million: the history holds them all.
 
     Returns
     -------
@@ -248,7 +284,8 @@ def teach(network, inputs, targets, *, rate=0.1, delta=0.001, reading="max", max
     Raises
     ------
     seanav.checks.ParameterError
-        If the teaching sequence is empty or a number out of its bounds.
+        If the teaching sequence is empty or does not fit the runs of the network, a number
+        is not finite or out of its bounds, or the rate so large that the weights overflow.
 
     Notes
     -----
@@ -257,20 +294,20 @@ def teach(network, inputs, targets, *, rate=0.1, delta=0.001, reading="max", max
     rate = checks.number("rate", rate, above=0)
     delta = checks.number("delta", delta, above=0)
     checks.choice("reading", reading, READINGS)
-    max_epochs = checks.integer("max_epochs", max_epochs, at_least=1)
-    if np.ndim(inputs) != 3 or len(inputs) == 0 or np.shape(inputs) != np.shape(targets):
-        allowed = "must hold at least one pair, the same number of inputs and targets"
-        raise checks.ParameterError("teaching sequence", len(inputs), allowed)
+    max_epochs = checks.integer("max_epochs", max_epochs, at_least=1, at_most=10**6)
     hidden, output = network.hidden.copy(), network.output.copy()
     runs = output.shape[1]
+    sizes = {}
+    inputs = checks.array("inputs", inputs, ("pairs", 2, runs), sizes)
+    targets = checks.array("targets", targets, ("pairs", 2, runs), sizes)
     history = np.empty((max_epochs, 3, runs))
     epochs = np.zeros(runs, dtype=np.int64)
     met = np.zeros(runs, dtype=np.bool_)
     done = _teach(
         hidden,
         output,
-        np.ascontiguousarray(scale(inputs)),
-        np.ascontiguousarray(scale(targets)),
+        _scale(inputs),
+        _scale(targets),
         rate,
         delta,
         READINGS.index(reading),
@@ -278,6 +315,8 @@ def teach(network, inputs, targets, *, rate=0.1, delta=0.001, reading="max", max
         epochs,
         met,
     )
+    if not (np.isfinite(hidden).all() and np.isfinite(output).all()):
+        raise checks.ParameterError("rate", rate, "must be smaller: the weights overflow")
     return Teaching(Network(hidden, output), epochs, met, history[:done])
 
 

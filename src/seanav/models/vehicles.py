@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from seanav._compile import kernel
-from seanav.checks import ParameterError, choice, number
+from seanav.checks import ParameterError, array, choice, number
 
 
 class Coefficient(NamedTuple):
@@ -81,6 +81,11 @@ class Plane:
     A: np.ndarray
     B: np.ndarray
 
+    def __post_init__(self):
+        n = len(self.states)
+        object.__setattr__(self, "A", array("A", self.A, (n, n)))
+        object.__setattr__(self, "B", array("B", self.B, (n,)))
+
     def discretise(self, dt, method="euler"):
         """Return Phi (n, n) and the effect (n,) of a fin angle that is held for `dt` seconds.
 
@@ -115,7 +120,7 @@ class Plane:
         """
         modes = np.linalg.eigvals(self.A)
         modes = modes[modes.real < -1e-9]
-        return float(np.min(-2 * modes.real / np.abs(modes) ** 2))
+        return float(np.min(-2 * modes.real / np.abs(modes) ** 2, initial=np.inf))
 
 
 def _values(changes):
@@ -255,22 +260,31 @@ def simulate(Phi, offsets, noise, x0):
 
     Parameters
     ----------
-    Phi : ndarray (n, n)
+    Phi : array (n, n)
         Transition over one step.
-    offsets : ndarray (steps, n)
+    offsets : array (steps, n)
         What the input adds during each step, the same in all runs.
-    noise : ndarray (runs, steps, n)
+    noise : array (runs, steps, n)
         Process noise.
-    x0 : ndarray (runs, n)
+    x0 : array (runs, n)
         States before the first step, which are not returned.
 
     Returns
     -------
     ndarray (runs, steps, n)
         A view whose memory has the runs innermost.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If shapes do not fit or a number is not finite.
     """
-    noise = np.ascontiguousarray(np.asarray(noise, dtype=float).transpose(1, 2, 0))
+    sizes = {}
+    Phi = array("Phi", Phi, ("states", "states"), sizes)
+    offsets = array("offsets", offsets, ("steps", "states"), sizes)
+    noise = array("noise", noise, ("runs", "steps", "states"), sizes, contiguous=False)
+    x0 = array("x0", x0, ("runs", "states"), sizes)
+    noise = np.ascontiguousarray(noise.transpose(1, 2, 0))
     out = np.empty_like(noise)
-    Phi, offsets = (np.ascontiguousarray(part, dtype=float) for part in (Phi, offsets))
-    _simulate(Phi, offsets, noise, np.ascontiguousarray(np.asarray(x0, float).T), out)
+    _simulate(Phi, offsets, noise, np.ascontiguousarray(x0.T), out)
     return out.transpose(2, 0, 1)

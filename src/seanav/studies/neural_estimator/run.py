@@ -101,7 +101,7 @@ def numerical(scenario, z, w1=None, start="measured"):
     """
     choice("start", start, ("measured", "zero"))
     w1 = scenario.w1 if w1 is None else w1
-    P0, x0 = (scenario.R, z[:, 0]) if start == "measured" else (scenario.q, np.zeros(2))
+    P0, x0 = (scenario.R, z[:, 0]) if start == "measured" else (scenario.q, np.zeros_like(z[:, 0]))
     K, P = neural.gains(scenario.q, scenario.R, P0, z.shape[1])
     if isinstance(w1, str):
         choice("w1", w1, ("variable",))
