@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from seanav.checks import ParameterError
 from seanav.filters import ins
 from seanav.filters.ins import reference
 

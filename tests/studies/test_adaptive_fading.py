@@ -62,7 +62,7 @@ def test_bad_input_is_one_clear_line(change, line):
 def test_noise_through_the_fin_alone_is_refused_by_multiple_factors():
     # G = B: one noise for three states, so H G Q Gᵀ Hᵀ has rank one.
     B = run.problem(SMALL).B
-    with pytest.raises(ParameterError, match="must not be singular"):
+    with pytest.raises(ParameterError, match="must not make H Q Hᵀ singular"):
         adaptive.weights(np.eye(3), np.outer(B, B), "multiple")
 
 
