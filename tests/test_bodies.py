@@ -98,3 +98,8 @@ def test_drag_slows_the_simulated_body_as_the_solution_of_its_equation():
     shrink = 1.5**2 / (5 + 3 * 1.5**2) * np.exp(-2 * 5 * 4.0 / 31.41)
     assert end[0] == pytest.approx(np.sqrt(5 * shrink / (1 - 3 * shrink)), rel=2e-4)
     assert np.array_equal(end[1:], np.zeros(5))
+
+
+def test_the_torpedo_rolls_fastest():
+    assert bodies.TORPEDO.fastest() == pytest.approx(0.2474 / 1.0)
+    assert bodies.SPHERE.fastest() == pytest.approx(5.29 / 13.7935)

@@ -575,7 +575,7 @@ def test_half_a_mission_holds_every_interval_of_the_map_whole():
 
 def test_truth_that_explodes_is_told_in_one_line():
     scenario = replace(SMALL, torpedo_noise=(30.0,) * 6)
-    told = "torpedo_step = 0.01: is too long for .*torpedo.* diverges"
+    told = "torpedo_step = 0.01: is too long for .*torpedo_noise times strong_noise.* diverges"
     with pytest.raises(ParameterError, match=told) as caught:
         study.simulate(scenario, "torpedo")
     assert "\n" not in str(caught.value)
@@ -590,6 +590,7 @@ def test_filters_that_diverge_are_shown_as_diverged():
     result = study.run_case(scenario, truth, scenario.cases[0])
     lost = [name for name, one in result.scores.items() if not np.isfinite(one.squared).all()]
     assert lost
+    assert 0 < result.scores[lost[0]].lost <= 4
     assert result.scores[lost[0]].rmse(0) is None
     assert study.shown(result.scores[lost[0]].rmse(0)) == "diverged"
     assert study.entry(result.scores[lost[0]].rmse(0)) == "diverged"
@@ -603,10 +604,15 @@ def test_what_is_finite_is_shown_and_judged_as_it_is():
     estimate = estimates.mean(np.array([0.2, 0.3]))
     assert study.shown(estimate) == significant(estimate)
     assert study.entry(estimate) == pytest.approx(0.25)
+    assert (study.shown(0.25), study.entry(0.25)) == ("0.250", 0.25)
+    assert study.shown(np.nan) == study.entry(np.float64("nan")) == "diverged"
     condition = study.condition("torpedo, u", estimate, high=5)
     assert (condition.estimate, condition.low, condition.high) == (estimate, -np.inf, 5)
     assert study.condition("far", 0.25, low=0.1).estimate == estimates.exact(0.25)
     assert study.condition("far", np.nan, low=0.1).outcome == "fails"
+    # An EKF that diverges beside a closure that does not is no fault of the closure.
+    assert study.condition("gain", None, high=1, lost=0).outcome == "holds"
+    assert study.condition("gain", None, high=1, lost=3).outcome == "fails"
 
 
 @pytest.mark.filterwarnings("error")
@@ -635,6 +641,15 @@ def test_figures_draw_what_there_is(change):
     for fig in figures:
         fig.canvas.draw()
         plt.close(fig)
+
+
+def test_lines_of_the_map_that_fall_are_counted():
+    values = {(1.0, 0.5): 0.9, (1.0, 1.0): 0.8, (2.0, 0.5): 0.95, (2.0, 1.0): 0.7}
+    rows = [(f, t, estimates.exact(value)) for (f, t), value in reversed(values.items())]
+    assert beyond.falling(rows, 1) == (2, 2)
+    assert beyond.falling(rows, 0) == (1, 2)
+    assert beyond.falling([*rows, (4.0, 1.0, None), (4.0, 0.5, None)], 1) == (2, 3)
+    assert beyond.falling([*rows, (4.0, 1.0, None), (4.0, 0.5, None)], 0) == (0, 2)
 
 
 def test_map_is_drawn_in_the_order_it_is_given():
@@ -753,7 +768,10 @@ def test_small_study_runs_through_everything():
         ({"sphere_noise": [1e300] * 6}, "sphere_noise = 1e.300: must be .*at most 1000"),
         ({"sphere_variance": "abc"}, "sphere_variance = 'abc': must be 6 numbers"),
         ({"torpedo_step": 0.03}, "torpedo_step = 0.03: must divide interval = 0.5 evenly"),
-        ({"torpedo_step": 0.5}, "torpedo_step = 0.5: twice .*must divide interval = 0.5 evenly"),
+        ({"torpedo_step": 0.5}, "torpedo_step = 0.5: must be at most half .* fastest axis, 0.124"),
+        ({"sphere_step": 0.5}, "sphere_step = 0.5: must be at most half .* fastest axis, 0.192"),
+        ({"map_step": 0.125}, "map_step = 0.125: must be at most half .* fastest axis, 0.124"),
+        ({"torpedo_step": 0.1}, "torpedo_step = 0.1: twice .*must divide interval = 0.5 evenly"),
         ({"torpedo_step": 0.02}, "torpedo_step = 0.02: twice .*must divide interval = 0.5 evenly"),
         ({"torpedo_step": 1e-12}, "torpedo_step = 1e-12: must be a finite number at least 0.0001"),
         ({"sphere_step": 0.04}, "sphere_step = 0.04: must divide interval = 0.5 evenly"),

@@ -88,6 +88,11 @@ class Body:
         parts = (self.mass, self.inertia, self.linear, self.cubic, noise)
         return np.concatenate([np.asarray(part, dtype=float) for part in parts])
 
+    def fastest(self) -> float:
+        """Return the time constant of the axis that its linear drag slows down first, s."""
+        inertias = zip((*self.mass, *self.inertia), self.linear, strict=True)
+        return min(inertia / drag for inertia, drag in inertias)
+
     def forces(self, times: np.ndarray) -> np.ndarray:
         """Return the inputs τ0 (1 + 0.5 sin 0.3 t), shape (times, 6)."""
         return (1.0 + 0.5 * np.sin(0.3 * np.asarray(times)))[:, None] * np.asarray(self.inputs)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from scipy import sparse
@@ -37,6 +38,20 @@ def second_order_map(scenario, vehicle) -> list:
             gain = study.root_ratio(*(study.total(scores[c], free) for c in ("gaussian", "ekf")))
             rows.append((factor, interval, gain))
     return rows
+
+
+def falling(rows, along):
+    """Return in how many lines of a map the ratio falls all along, and of how many.
+
+    `along` 1: with the interval, a line per noise factor; 0: with the noise factor, a line
+    per interval. A line in which a filter diverged does not fall.
+    """
+    lines = {}
+    for row in sorted(rows, key=lambda row: row[along]):
+        lines.setdefault(row[1 - along], []).append(row[2])
+    held = [line for line in lines.values() if None not in line]
+    falls = [all(b.value < a.value for a, b in pairwise(line)) for line in held]
+    return sum(falls), len(lines)
 
 
 # ---------------------------------------------------------------- sensitivity of P

@@ -25,6 +25,7 @@ BATCH = 50  # runs per unit of parallel work; fixed, so that results do not depe
 COMPONENTS = bodies.STATES
 UNITS = ("m/s",) * 3 + ("rad/s",) * 3
 VEHICLES = ("torpedo", "sphere")
+_MOVED = (("torpedo",), ("sphere",), VEHICLES)  # by torpedo_step, sphere_step, map_step
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,12 @@ class Scenario:
         number("mission", self.mission, at_least=2 * self.interval, at_most=LONGEST)
         for name in ("torpedo_step", "sphere_step", "filter_step", "map_step"):
             number(name, getattr(self, name), at_least=SHORTEST)
+        for name, moved in zip(("torpedo_step", "sphere_step", "map_step"), _MOVED, strict=True):
+            # A longer step of Euler's scheme does not follow the drag of the fastest axis.
+            most = 0.5 * min(bodies.BODIES[vehicle].fastest() for vehicle in moved)
+            if getattr(self, name) > most:
+                allowed = f"must be at most half the time constant of the fastest axis, {most:.3g}"
+                raise checks.ParameterError(name, getattr(self, name), allowed)
         self._times()
         integer("seed", self.seed, at_least=0)
         integer("runs", self.runs, at_least=2)
@@ -277,7 +284,8 @@ def simulate(scenario, vehicle, noise=None, keep=None, mission=None, step=None) 
     tracks = montecarlo.parallel_map(batch, batches(scenario.runs), label=f"{vehicle}, truth")
     x = np.concatenate(tracks)
     if not (np.abs(x) < LIMIT).all():
-        allowed = f"is too long for {vehicle}_noise and {vehicle}_start: the {vehicle} diverges"
+        given = ", ".join(f"{vehicle}_{part}" for part in ("start", "variance", "noise"))
+        allowed = f"is too long for {given} times strong_noise or map_noise: the {vehicle} diverges"
         raise checks.ParameterError(name, step, allowed)
     return Truth(vehicle, parameters, np.arange(x.shape[1]) * keep, x)
 
@@ -366,9 +374,14 @@ class Score:
     nees: np.ndarray
     nees_by_time: np.ndarray
 
+    @property
+    def lost(self):
+        """Number of runs in which the filter diverged."""
+        return int((~np.isfinite(self.squared).all(axis=1)).sum())
+
     def rmse(self, component):
-        """Return the RMSE of a component, an `Estimate`."""
-        return estimates.root_mean_square(self.squared[:, component])
+        """Return the RMSE of a component, an `Estimate`, or None."""
+        return unless_diverged(estimates.root_mean_square, self.squared[:, component])
 
     def own_sd_ratio(self, component):
         """Return the filter's own standard deviation over its RMSE, an `Estimate`, or None."""
@@ -385,25 +398,31 @@ def unless_diverged(function, *samples):
 
 
 def shown(estimate, digits=3):
-    """Return a number as text; None, the score of a filter that diverged, says so."""
-    return "diverged" if estimate is None else significant(estimate, digits)
+    """Return an `Estimate` or a float as text; None or NaN, of a filter that diverged, says so."""
+    return "diverged" if _diverged(estimate) else significant(estimate, digits)
 
 
 def entry(estimate, attribute="value"):
-    """Return an end or the value of an `Estimate` for a table; None says that it diverged."""
-    return "diverged" if estimate is None else float(getattr(estimate, attribute))
+    """Return what a table holds of an `Estimate` or a float; None and NaN as `shown`."""
+    return "diverged" if _diverged(estimate) else float(getattr(estimate, attribute, estimate))
 
 
-def condition(what, estimate, low=-np.inf, high=np.inf):
+def _diverged(estimate):
+    return estimate is None or (isinstance(estimate, float) and not np.isfinite(estimate))
+
+
+def condition(what, estimate, low=-np.inf, high=np.inf, lost=None):
     """Return a condition of a claim on an `Estimate` or an exact number.
 
-    None or NaN, from a filter that diverged, fails whatever the region.
+    None or NaN, where a filter diverged, fails. If the claim is about one of two filters
+    that are compared, hand in how many runs that one has `lost`: none, and it holds.
     """
-    if isinstance(estimate, float):
-        estimate = estimates.exact(estimate) if np.isfinite(estimate) else None
-    if estimate is None:
+    if not _diverged(estimate):
+        estimate = estimates.exact(estimate) if isinstance(estimate, float) else estimate
+        return Condition(what, estimate, low, high)
+    if lost is None:
         return Condition(f"{what}: filters that diverged", estimates.exact(1), high=0)
-    return Condition(what, estimate, low, high)
+    return Condition(f"{what}: one diverged; runs lost by ours", estimates.exact(lost), high=0)
 
 
 def score(truth, track, consistency=True) -> Score:
