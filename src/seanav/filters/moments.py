@@ -8,189 +8,34 @@ second are. What comes out are SymPy expressions; `seanav.filters.generated` com
 the same expressions, so the equation that is printed is the function that runs.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from itertools import product
 
+import numpy as np
 import sympy as sp
-from sympy.polys.ring_series import rs_integrate, rs_mul
 
-from seanav.checks import ParameterError, choice
+from seanav.checks import ParameterError, choice, integer
+from seanav.filters.formulas import Magnitude, formula
+from seanav.filters.sde import (
+    MAX_DRIFT_DEGREE,
+    MAX_STATES,
+    System,
+    demand_polynomial,
+    monomials,
+    observability,
+    split,
+    system,
+)
 
+__all__ = [
+    "CLOSURES", "Measurement", "Moments", "System", "backward", "central_moment",
+    "characteristic", "close", "exact", "expectation", "forward", "gaussian_moment",
+    "isserlis", "measurement", "observability", "pairings", "system",
+]  # fmt: skip
 CLOSURES = ("ekf", "second order", "gaussian")
-SUPPORTED = "must be a polynomial in the states, or that plus terms c*x*Abs(x)"
-
-
-class Sign(sp.Function):
-    """Sign of a state; its derivative is taken as 0, which is right except at 0."""
-
-    def fdiff(self, argindex=1):
-        """Return the derivative."""
-        return sp.Integer(0)
-
-
-class Magnitude(sp.Function):
-    """|x| with the derivative sign(x)."""
-
-    def fdiff(self, argindex=1):
-        """Return the derivative."""
-        return Sign(self.args[0])
-
-
-class SignedSquare(sp.Function):
-    """x|x|, the quadratic drag law, with the derivative 2|x|."""
-
-    def fdiff(self, argindex=1):
-        """Return the derivative."""
-        return 2 * Magnitude(self.args[0])
-
-
-@dataclass(frozen=True)
-class System:
-    """A stochastic differential equation in symbols; made by `system`.
-
-    Attributes
-    ----------
-    states : tuple of Symbol
-        n states.
-    drift : Matrix, shape (n, 1)
-    diffusion : Matrix, shape (n, noises)
-    inputs, parameters : tuple of Symbol
-        Known functions of time, and constants.
-    """
-
-    states: tuple
-    drift: sp.ImmutableMatrix
-    diffusion: sp.ImmutableMatrix
-    inputs: tuple = ()
-    parameters: tuple = ()
-    mean: tuple = field(init=False)
-    covariance: sp.ImmutableMatrix = field(init=False)
-
-    def __post_init__(self):
-        n = len(self.states)
-        mean = tuple(sp.Symbol(f"m_{x.name}", real=True) for x in self.states)
-        names = [x.name for x in self.states]
-
-        def entry(i, j):
-            i, j = min(i, j), max(i, j)
-            return sp.Symbol(f"P_{names[i]}{names[j]}", real=True, positive=i == j or None)
-
-        object.__setattr__(self, "mean", mean)
-        object.__setattr__(self, "covariance", sp.ImmutableMatrix(n, n, entry))
-
-    @property
-    def spread(self):
-        """G Gᵀ, shape (n, n), in the states."""
-        return sp.ImmutableMatrix((self.diffusion * self.diffusion.T).applyfunc(sp.expand))
-
-    def at_mean(self, expression):
-        """Return `expression` with the states replaced by the mean."""
-        pairs = dict(zip(self.states, self.mean, strict=True))
-        return expression.xreplace(pairs)
-
-
-def _symbols(name, names):
-    names = names.replace(",", " ").split() if isinstance(names, str) else list(names)
-    wrong = [x for x in names if not str(x).isidentifier()]
-    if wrong or len(set(map(str, names))) < len(names):
-        raise ParameterError(name, names, "must be different names, each letters and digits")
-    return tuple(sp.Symbol(str(x), real=True) for x in names)
-
-
-def _expression(name, text, known):
-    try:
-        value = sp.sympify(text, locals={x.name: x for x in known}, rational=True)
-    except (sp.SympifyError, TypeError, SyntaxError, AttributeError) as error:
-        raise ParameterError(name, str(text), "must be a formula SymPy can read") from error
-    if not isinstance(value, sp.Expr):
-        raise ParameterError(name, str(text), "must be a formula SymPy can read")
-    # A user's own SymPy expression need not carry our assumption that symbols are real.
-    value = value.xreplace({s: x for s in value.free_symbols for x in known if s.name == x.name})
-    unknown = sorted(s.name for s in value.free_symbols - set(known))
-    if unknown:
-        allowed = ", ".join(x.name for x in known)
-        raise ParameterError(
-            name, str(text), f"must not use {', '.join(unknown)}; known: {allowed}"
-        )
-    return value
-
-
-def system(states, drift, diffusion, inputs="", parameters="") -> System:
-    """Read a stochastic differential equation given as text or SymPy expressions.
-
-    Parameters
-    ----------
-    states, inputs, parameters : str or list
-        Names, such as ``"x y z"``.
-    drift : list, length n
-        f, a polynomial in the states; terms ``c*x*Abs(x)`` are allowed.
-    diffusion : list of lists, shape (n, noises), or list, length n
-        G, polynomial in the states; a flat list is a diagonal matrix.
-
-    Raises
-    ------
-    ParameterError
-        Wrong dimensions, an unknown name, or a term that is not supported: one line.
-    """
-    states, inputs, parameters = (
-        _symbols(name, names)
-        for name, names in (("states", states), ("inputs", inputs), ("parameters", parameters))
-    )
-    known = (*states, *inputs, *parameters)
-    n = len(states)
-    if n == 0 or len({x.name for x in known}) < len(known):
-        raise ParameterError("states", [x.name for x in known], "must be different names")
-    drift = list(drift) if not isinstance(drift, str) else [drift]
-    if len(drift) != n:
-        raise ParameterError(
-            "drift", list(map(str, drift)), f"must have {n} entries, one per state"
-        )
-    rows = diffusion.tolist() if isinstance(diffusion, sp.MatrixBase) else list(diffusion)
-    if not any(isinstance(row, (list, tuple)) for row in rows):
-        rows = [[rows[i] if i == j else 0 for j in range(len(rows))] for i in range(len(rows))]
-    ragged = any(not isinstance(row, (list, tuple)) for row in rows) or len(set(map(len, rows))) > 1
-    if len(rows) != n or ragged or len(rows[0]) == 0:
-        raise ParameterError("diffusion", str(diffusion), f"must have {n} rows of equal length")
-    f = [_expression(f"drift[{i}]", entry, known) for i, entry in enumerate(drift)]
-    G = [
-        [_expression(f"diffusion[{i}][{j}]", entry, known) for j, entry in enumerate(row)]
-        for i, row in enumerate(rows)
-    ]
-    f = [_with_signed_squares(entry, states) for entry in f]
-    for i, entry in enumerate(f):
-        _split(f"drift[{i}]", entry, states)
-    for i, row in enumerate(G):
-        for j, entry in enumerate(row):
-            if not entry.is_polynomial(*states):
-                raise ParameterError(
-                    f"diffusion[{i}][{j}]", str(entry), "must be a polynomial in the states"
-                )
-    return System(states, sp.ImmutableMatrix(f), sp.ImmutableMatrix(G), inputs, parameters)
-
-
-def _with_signed_squares(expression, states):
-    """Return `expression` expanded, with x*Abs(x) written as `SignedSquare` of x."""
-    expression = sp.expand(expression)
-    for x in states:
-        if expression.has(sp.Abs(x)):
-            expression = sp.expand(expression.subs(sp.Abs(x), SignedSquare(x) / x))
-    return expression
-
-
-def _split(name, expression, states):
-    """Return the polynomial part and {x: coefficient} of the terms c x|x|."""
-    polynomial, squares = expression, {}
-    for atom in sorted(expression.atoms(SignedSquare), key=str):
-        coefficient = expression.coeff(atom)
-        if coefficient.free_symbols & set(states) or coefficient.atoms(SignedSquare):
-            raise ParameterError(name, str(expression), SUPPORTED)
-        squares[atom.args[0]] = coefficient
-        polynomial = sp.expand(polynomial - coefficient * atom)
-    if not polynomial.is_polynomial(*states):
-        raise ParameterError(name, str(expression), SUPPORTED)
-    return polynomial, squares
-
+MAX_DEGREE = 12  # of an expectation
+MAX_CURVATURE = 300  # terms in the second derivatives of a measurement
 
 # ---------------------------------------------------------------- operators
 
@@ -218,7 +63,7 @@ def characteristic(model: System):
 
     Exact. Derivatives with respect to s at s = 0 are the moment equations (8)–(9).
     """
-    s = tuple(sp.Symbol(f"s_{x.name}", real=True) for x in model.states)
+    s = tuple(model.own("s_", [x.name], real=True) for x in model.states)
     wave = sp.exp(sum(si * x for si, x in zip(s, model.states, strict=True)))
     return s, sp.expand(sp.expand(backward(model, wave)) / wave)
 
@@ -257,8 +102,10 @@ def central_moment(model: System, indices):
         return sp.Integer(1 - len(indices))
     if len(indices) == 2:
         return model.covariance[indices]
-    name = "_".join(model.states[i].name for i in indices)
-    return sp.Symbol(f"mu_{name}", real=True)
+    names = [model.states[i].name for i in indices]
+    # States a and a_a: mu_a_a_a is three moments.
+    unclear = any("_" in x.name for x in model.states)
+    return model.own("mu_", names, "_", unclear, real=True)
 
 
 def expectation(model: System, expression, moment=central_moment):
@@ -267,24 +114,26 @@ def expectation(model: System, expression, moment=central_moment):
     Parameters
     ----------
     model : System
-    expression : Expr
-        Polynomial in the states.
+    expression : Expr or str
+        Polynomial in the states; mean and covariance may be in it too.
     moment : callable, optional
         ``moment(model, indices)`` gives each central moment. Default: exact symbols.
 
     Raises
     ------
     ParameterError
-        If it is not a polynomial.
+        If it is not a polynomial of a degree up to `MAX_DEGREE`.
     """
-    if not expression.is_polynomial(*model.states):
-        raise ParameterError("expression", str(expression), "must be a polynomial in the states")
+    known = (*model.known, *model.mean, *model.covariance)
+    expression = formula("expression", expression, known)
+    demand_polynomial("expression", expression, model.states, MAX_DEGREE)
+    return _expectation(model, expression, moment)
+
+
+def _expectation(model, expression, moment):
     total = []
-    for term in sp.Add.make_args(sp.expand(expression)):
-        coefficient, monomial = term.as_independent(*model.states, as_Add=False)
-        powers = monomial.as_powers_dict()
-        raw = _raw_moment(model, tuple(int(powers[x]) for x in model.states), moment)
-        total.append(sp.expand(coefficient * raw))
+    for coefficient, powers in monomials(expression, model.states):
+        total.append(sp.expand(coefficient * _raw_moment(model, powers, moment)))
     return sp.Add(*total)
 
 
@@ -327,11 +176,11 @@ class Moments:
 def _by_operator(model, moment, label):
     # Equation (11): L acts on x_i and on x_i x_j; d(m_i m_j)/dt is taken off.
     x, m, n = model.states, model.mean, len(model.states)
-    mean_rate = [expectation(model, backward(model, xi), moment) for xi in x]
+    mean_rate = [_expectation(model, backward(model, xi), moment) for xi in x]
     rate = sp.zeros(n, n)
     for i in range(n):
         for j in range(i, n):
-            second = expectation(model, backward(model, x[i] * x[j]), moment)
+            second = _expectation(model, backward(model, x[i] * x[j]), moment)
             rate[i, j] = rate[j, i] = sp.expand(second - m[i] * mean_rate[j] - mean_rate[i] * m[j])
     return Moments(model, sp.ImmutableMatrix(mean_rate), sp.ImmutableMatrix(rate), label)
 
@@ -345,8 +194,7 @@ def exact(model: System) -> Moments:
         If the drift is not a polynomial.
     """
     for i, entry in enumerate(model.drift):
-        if not entry.is_polynomial(*model.states):
-            raise ParameterError(f"drift[{i}]", str(entry), "must be a polynomial in the states")
+        demand_polynomial(f"drift[{i}]", entry, model.states, MAX_DRIFT_DEGREE)
     return _by_operator(model, central_moment, "exact")
 
 
@@ -388,7 +236,7 @@ def close(model: System, closure: str) -> Moments:
 
 def _gaussian(model):
     n, P = len(model.states), model.covariance
-    parts = [_split("drift", entry, model.states) for entry in model.drift]
+    parts = [split("drift", entry, model.states) for entry in model.drift]
     smooth = System(
         model.states,
         sp.ImmutableMatrix([polynomial for polynomial, _ in parts]),
@@ -462,11 +310,17 @@ def measurement(model: System, h) -> Measurement:
     Jazwinski (1970), section 9.3: the modified Gaussian second-order update. "Modified"
     means that the covariance does not depend on the residual.
     """
-    entries = [h] if isinstance(h, (str, sp.Expr)) else list(h)
-    known = (*model.states, *model.inputs, *model.parameters)
-    h = sp.Matrix([_expression(f"h[{i}]", entry, known) for i, entry in enumerate(entries)])
+    entries = h.tolist() if isinstance(h, (sp.MatrixBase, np.ndarray)) else h
+    entries = entries if isinstance(entries, (list, tuple)) else [entries]
+    if not 1 <= len(entries) <= MAX_STATES:
+        raise ParameterError("h", len(entries), f"must have 1 to {MAX_STATES} entries")
+    h = sp.Matrix([formula(f"h[{i}]", entry, model.known) for i, entry in enumerate(entries)])
+    h = h.applyfunc(lambda entry: entry.replace(sp.Abs, Magnitude))
     P = model.covariance
-    bends = [model.at_mean(sp.hessian(entry, model.states)) * P for entry in h]
+    curves = [model.at_mean(sp.hessian(entry, model.states)) for entry in h]
+    terms = sum(len(sp.Add.make_args(sp.expand(e))) for curve in curves for e in curve if e != 0)
+    integer("terms in the second derivatives of h", terms, at_least=0, at_most=MAX_CURVATURE)
+    bends = [curve * P for curve in curves]
     predicted = model.at_mean(h) + sp.Matrix([bend.trace() / 2 for bend in bends])
     spread = sp.Matrix(len(bends), len(bends), lambda a, b: (bends[a] * bends[b]).trace() / 2)
     return Measurement(
@@ -475,78 +329,3 @@ def measurement(model: System, h) -> Measurement:
         sp.ImmutableMatrix(model.at_mean(h.jacobian(model.states))),
         sp.ImmutableMatrix(spread.applyfunc(sp.expand)),
     )
-
-
-# ---------------------------------------------------------------- observability
-
-
-def observability(model: System, h, point: dict, orders: int = 8) -> list[int]:
-    """Return the exact rank of the first 1, 2, … Lie derivatives' gradients at a point.
-
-    The k-th Taylor coefficient of the output along the noise-free solution is the k-th
-    Lie derivative of `h` over k!, and its gradient by the initial state follows from the
-    variational equation. Both are power series with rational coefficients: no rounding,
-    and no expression that grows with the order.
-
-    Parameters
-    ----------
-    model : System
-        Polynomial drift.
-    h : list of Symbol
-        The measured states.
-    point : dict
-        {symbol: rational number} for every state, input and parameter.
-    orders : int
-        Number of Lie derivatives, `h` itself included.
-
-    Returns
-    -------
-    list of int
-        Rank with 1, …, `orders` derivatives; n means locally weakly observable.
-
-    References
-    ----------
-    R. Hermann and A. J. Krener, "Nonlinear controllability and observability",
-    *IEEE Transactions on Automatic Control* 22 (1977) 728–740.
-    """
-    ring, t = sp.ring("t", sp.QQ)
-    n = len(model.states)
-    values = {symbol: sp.Rational(value) for symbol, value in point.items()}
-    constants = {s: value for s, value in values.items() if s not in model.states}
-    terms = [sp.Poly(f.xreplace(constants), *model.states, domain="QQ") for f in model.drift]
-    drift = [f.terms() for f in terms]
-    slopes = [[f.diff(x).terms() for x in model.states] for f in terms]
-    rows = [model.states.index(x) for x in h]
-
-    def series(entry, states):
-        # Substitute power series into a polynomial, keeping terms below t^orders.
-        total = ring.zero
-        for powers, coefficient in entry:
-            term = ring(coefficient)
-            for state, power in zip(states, powers, strict=True):
-                for _ in range(power):
-                    term = rs_mul(term, state, t, orders)
-            total += term
-        return total
-
-    states = [ring(values[x]) for x in model.states]
-    gradient = [[ring(int(i == j)) for j in range(n)] for i in range(n)]
-    start, unit = list(states), [list(row) for row in gradient]
-    # Picard iteration: each pass makes one more coefficient right.
-    for _ in range(orders - 1):
-        rates = [series(entry, states) for entry in drift]
-        A = [[series(entry, states) for entry in row] for row in slopes]
-        products = [
-            [sum(rs_mul(A[i][k], gradient[k][j], t, orders) for k in range(n)) for j in range(n)]
-            for i in range(n)
-        ]
-        states = [s + rs_integrate(r, t) for s, r in zip(start, rates, strict=True)]
-        gradient = [
-            [unit[i][j] + rs_integrate(products[i][j], t) for j in range(n)] for i in range(n)
-        ]
-    ranks, stacked = [], sp.zeros(0, n)
-    for order in range(orders):
-        block = [[gradient[i][j].coeff(t**order) for j in range(n)] for i in rows]
-        stacked = stacked.col_join(sp.Matrix(block))
-        ranks.append(stacked.rank())
-    return ranks
