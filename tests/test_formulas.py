@@ -110,7 +110,18 @@ def test_no_attack_runs_hangs_or_is_taken_for_a_formula(slot, tmp_path):
     assert done.stderr == ""
 
 
-PIECES = [*"xk1239.e+-*/()^,_j[:=<\n ", "0.5", "10", "**", "sin(", "Abs(", "lambda", " if ", "x*", "(k"]
+PIECES = [
+    *"xk1239.e+-*/()^,_j[:=<\n ",
+    "0.5",
+    "10",
+    "**",
+    "sin(",
+    "Abs(",
+    "lambda",
+    " if ",
+    "x*",
+    "(k",
+]
 
 
 @given(st.lists(st.sampled_from(PIECES), max_size=16).map("".join))
@@ -119,7 +130,8 @@ def test_any_text_is_a_formula_of_known_names_or_one_line(text):
     try:
         value = formulas.formula("f", text, KNOWN)
     except ParameterError as error:
-        assert "\n" not in str(error)
+        if "\n" in str(error):
+            raise
     else:
         assert value.free_symbols <= set(KNOWN)
         # What is read is what Python means by it.
@@ -208,6 +220,6 @@ def test_bounds_are_where_they_are_said_to_be():
     [5, None, b"x", ["x", "x"], "x x", "x y-z", ["x y"], [""], [1], "1x", "x²", {"x": 1}, [["x"]], "x.y"],
 )  # fmt: skip
 def test_names_are_names(names):
-    with pytest.raises(ParameterError, match="states = .*must be different names") as caught:
+    with pytest.raises(ParameterError, match=r"states = .*must be different names") as caught:
         moments.system(names, ["1"], [1])
     assert "\n" not in str(caught.value)

@@ -332,7 +332,7 @@ def test_own_three_state_equation_as_text_or_sympy():
         (("x y", ["x", "y"], [[1, 0]]), "diffusion = .*must have 2 rows of equal length"),
         (("x y", ["x", "y"], [[1, 0], [1]]), "diffusion = .*must have 2 rows of equal length"),
         (("x", ["k*x"], [1]), r"drift\[0\] = 'k\*x': must not use k; known: x"),
-        (("x", ["x +"], [1]), r"drift\[0\] = 'x \+': must be a formula SymPy can read"),
+        (("x", ["x +"], [1]), r"drift\[0\] = 'x \+': must be a formula"),
         (("x x", ["x", "x"], [1, 1]), "states = .*must be different names"),
         (("x", ["x"], ["exp(x)"]), r"diffusion\[0\]\[0\] = 'exp\(x\)': must be a polynomial"),
     ],
@@ -405,7 +405,7 @@ def test_unknown_closure_and_open_moments_are_refused():
 def test_wrong_shapes_are_refused():
     propagate = generated.Propagator(moments.close(VAN_DER_POL, "gaussian"))
     mean, P = np.zeros((2, 2)), np.tile(np.eye(2), (2, 1, 1))
-    with pytest.raises(ParameterError, match=r"parameters = .*one number each: mu, s"):
+    with pytest.raises(ParameterError, match=r"parameters \(mu, s\) = \(1,\): must have the shape"):
         propagate(mean, P, 1.0, 0.1, None, [1.0])
     with pytest.raises(ParameterError, match=r"states = .*shape \(runs, 2\)"):
         propagate(np.zeros((2, 3)), P, 1.0, 0.1, None, [1.0, 1.0])

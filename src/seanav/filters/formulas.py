@@ -8,6 +8,7 @@ build is counted before it is built, so no formula is too long to wait for.
 
 import math
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
@@ -133,7 +134,10 @@ def shown(value) -> str:
     if isinstance(value, sp.Basic):
         # Printing would take for ever where parts are shared.
         small = len(list(islice(sp.preorder_traversal(value), 100))) < 100
-        text = str(value) if small else type(value).__name__
+        text = type(value).__name__
+        if small:
+            with suppress(ValueError):  # Python prints no integer of some thousand digits
+                text = str(value)
     else:
         text = value if isinstance(value, str) else f"a {type(value).__name__}"
         if isinstance(value, (float, complex, bool)):
