@@ -117,8 +117,7 @@ def bounds_of(H, *cases):
     """Bounds of (noise, P0, Q) each; an example that is refused is one that rounding decides."""
     try:
         return [pcrb.pcrb(H, *case) for case in cases]
-    except ParameterError as error:
-        assert "must leave the bound finite and positive definite" in str(error)
+    except ParameterError:
         largest = max(np.trace(P + len(H) * q) / noise**2 for noise, P, q in cases)
         assert largest * (H**2).sum(axis=1).max() > 1e14
         reject()
@@ -181,7 +180,9 @@ def test_noise_must_be_positive(noise):
         lambda: pcrb.expected_pcrb(slopes(3)[None], noise, P0, Q),
         lambda: pcrb.information(np.ones((2, 2, 2)), noise),
     ):
-        with pytest.raises(ParameterError, match=r"^noise = .*: must be a finite number above 1e-100 and"):
+        with pytest.raises(
+            ParameterError, match=r"^noise = .*: must be a finite number above 1e-100 and"
+        ):
             call()
 
 
@@ -189,7 +190,7 @@ def test_noise_must_be_positive(noise):
     "prior", [np.zeros((2, 2)), [[1, 2], [2, 1]], [[1, 0.5], [0, 1]], -np.eye(2)]
 )
 def test_prior_must_be_a_covariance(prior):
-    with pytest.raises(ParameterError, match="^P0 = .* must be symmetric and positive definite$"):
+    with pytest.raises(ParameterError, match=r"^P0 = .* must be symmetric and positive definite$"):
         pcrb.pcrb(slopes(3), NOISE, prior, Q)
 
 
@@ -235,7 +236,7 @@ def test_a_bound_that_rounding_decides_is_refused():
             lambda n, P: pcrb.pcrb(slopes(9), n, P, 0 * Q),
             lambda n, P: pcrb.expected_pcrb(slopes(9)[None], n, P, 0 * Q),
         ):
-            with pytest.raises(ParameterError, match="^noise, P0, Q = .*: must leave the bound"):
+            with pytest.raises(ParameterError, match=r"^noise, P0, Q = .*: must leave the bound"):
                 call(noise, prior)
 
 
@@ -247,5 +248,5 @@ def test_type_and_layout_of_the_slopes_do_not_matter():
 
 @pytest.mark.parametrize("map_", [np.ones((2, 3)), np.ones((3, 2, 2)), np.full((2, 3, 3), np.nan)])
 def test_information_map_needs_two_slopes_at_each_node(map_):
-    with pytest.raises(ParameterError, match="^gradient = .*: must "):
+    with pytest.raises(ParameterError, match=r"^gradient = .*: must "):
         pcrb.information(map_, NOISE)
