@@ -1,5 +1,6 @@
 import itertools
 
+import bounded
 import numpy as np
 import pytest
 import walks
@@ -173,7 +174,7 @@ def test_gain_table_is_the_best_of_all_walks_of_each_length():
 def remaining(this, table, node, P):
     steps = max(abs(node[0] - this["goal"][0]), abs(node[1] - this["goal"][1]))
     gains = table[node[1], node[0]]
-    return labels.remaining(P[0, 0], P[0, 1], P[1, 1], gains, steps, this["noise"] ** 2)
+    return labels._remaining(P[0, 0], P[0, 1], P[1, 1], gains, steps, this["noise"] ** 2)
 
 
 def test_remaining_cost_is_the_formula_at_each_step_with_the_best_pair():
@@ -277,7 +278,14 @@ def test_cost_of_the_incumbent_is_computed_for_this_problem():
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("epsilon", -0.1), ("epsilon", np.nan), ("max_expansions", 0), ("max_expansions", 1.5)],
+    [
+        ("epsilon", -0.1),
+        ("epsilon", np.nan),
+        ("max_expansions", 0),
+        ("max_expansions", 1.5),
+        ("max_expansions", 2**70),
+        ("max_comparisons", 0),
+    ],
 )
 def test_unusable_option_is_named(name, value):
     with pytest.raises(ParameterError, match=f"^{name} = .*: must be a"):
@@ -291,17 +299,103 @@ def test_incumbent_must_lead_from_start_to_goal(change):
         labels.plan_labels(**task(0), epsilon=0.3, incumbent=other)
 
 
-@pytest.mark.parametrize("middle", [[], [START], [(2, 1), (2, 3)]])
-def test_incumbent_must_be_a_walk(middle):
-    jumps = planning.Plan(np.array([START, *middle, GOAL]), None, None, None, None)
+WALKS = [
+    [START, GOAL],
+    [START, START, GOAL],
+    [START, (2, 1), (2, 3), GOAL],
+    [START, (-1, 2), (0, 3), (1, 3), (2, 3), (3, 3), GOAL],  # off the map and back
+    [START, (1.0, 1.5), (2, 2), (3, 3), GOAL],
+    [START],
+    [],
+    "walk",
+]
+
+
+@pytest.mark.parametrize("nodes", WALKS)
+def test_incumbent_must_be_a_walk(nodes):
+    jumps = planning.Plan(np.array(nodes), None, None, None, None)
     with pytest.raises(ParameterError, match=r"^incumbent = .* over adjacent nodes"):
         labels.plan_labels(**task(0), epsilon=0.3, incumbent=jumps)
 
 
-def test_table_must_fit_the_map():
-    table = labels.gain_table(walks.field(4, 5, 0))
+TABLES = [
+    lambda table: table[:-1],
+    lambda table: table.astype(float),
+    lambda table: np.asfortranarray(table),
+    lambda table: table * np.float32(np.nan),
+    lambda table: table.tolist(),
+    lambda _: "table",
+]
+
+
+@pytest.mark.parametrize("change", TABLES)
+def test_table_must_fit_the_map(change):
+    table = change(labels.gain_table(task(0)["gradient"]))
     with pytest.raises(ParameterError, match=r"^table = .*: must be gain_table\(gradient\)$"):
         labels.plan_labels(**task(0), epsilon=0.3, table=table)
+
+
+# Bounds of the work --------------------------------------------------------------------------
+
+
+def test_search_stops_at_its_limit_of_comparisons_and_says_so():
+    # Exact on so many cells, it would not end in a life; its bound holds all the same.
+    this = walks.problem(walks.field(60, 80, 0), (2, 3), (77, 55))
+    plan = labels.plan_labels(**this, epsilon=0.0, max_comparisons=200_000)
+    assert plan.stopped_by == "comparisons"
+    assert not plan.complete
+    assert 200_000 <= plan.comparisons <= 200_000 + 16 * plan.labels
+    assert 0 < plan.lower_bound < plan.cost
+
+
+def test_search_stops_at_its_limit_of_labels_and_says_so(monkeypatch):
+    this = task(6, 0.001)
+    optimum = labels.plan_labels(**this, epsilon=0.0)
+    assert (optimum.stopped_by, optimum.complete) == ("", True)
+    monkeypatch.setattr(labels, "MOST_LABELS", 40)
+    plan = labels.plan_labels(**this, epsilon=0.0)
+    assert plan.stopped_by == "labels"
+    assert 32 < plan.labels <= 40
+    assert plan.lower_bound <= optimum.cost <= plan.cost
+
+
+def test_search_stops_at_its_limit_of_expansions_and_says_so():
+    assert labels.plan_labels(**task(6), epsilon=0.0, max_expansions=3).stopped_by == "expansions"
+
+
+def test_default_limits_keep_a_search_to_a_minute_and_its_store_below_half_a_gigabyte():
+    code = """
+import walks
+from seanav.filters import labels
+this = walks.problem(walks.field(101, 101, 0), (2, 3), (97, 95), process_noise=1e-3)
+plan = labels.plan_labels(**this, epsilon=0.0)
+print(plan.stopped_by, plan.labels <= labels.MOST_LABELS)
+"""
+    assert bounded.run(code, seconds=150).split() in (["labels", "True"], ["comparisons", "True"])
+
+
+def test_table_that_would_take_more_memory_than_it_may_is_refused():
+    with pytest.raises(ParameterError, match=r"^gradient = \(2, 340, 300\): must have fewer cells"):
+        labels.gain_table(np.broadcast_to(0.0, (2, 340, 300)))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"noise": 1e-10}, {"P0": 1e-170 * np.eye(2)}, {"P0": 1e160 * np.eye(2)}],
+)
+def test_covariance_that_rounding_decides_is_refused(change):
+    this = task(0, 0.0) | change
+    known = planning.Plan(walks.straight(this), None, None, None, None)
+    with pytest.raises(
+        ParameterError, match=r"must leave .* positive definite in double precision"
+    ):
+        labels.plan_labels(**this, epsilon=0.0, incumbent=known)
+
+
+@pytest.mark.parametrize("gradient", [np.ones((2, 3)), np.full((2, 3, 3), np.nan), "map", []])
+def test_gain_table_needs_two_slopes_at_each_node(gradient):
+    with pytest.raises(ParameterError, match=r"^gradient = .*: must "):
+        labels.gain_table(gradient)
 
 
 def test_problem_is_checked_as_by_the_single_label_planner():

@@ -21,13 +21,14 @@ and the smallest F among the open labels bounds every walk that is not finished.
 """
 
 import heapq
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from seanav import checks
 from seanav._compile import kernel
-from seanav.filters.planning import plan, problem, step
+from seanav.filters.planning import plan, problem, refuse, sound, step
 
 # Eight directions 22.5° apart; directions m and m + 4 are an orthonormal pair.
 _EAST = np.cos(np.pi / 8 * np.arange(8))
@@ -35,6 +36,14 @@ _NORTH = np.sin(np.pi / 8 * np.arange(8))
 
 # Equal covariances differ by rounding when the same cells are visited in another order.
 _ROUNDING = 1e-12
+
+# What a search and its table may take, whatever the numbers: a label is 73 bytes, half as
+# much again while the store grows (230 MB); the table is 32 bytes per cell and length.
+MOST_LABELS = 2**21
+MOST_TABLE_BYTES = 2**30
+
+_LIMITS = ("", "expansions", "labels", "comparisons")
+_UNSOUND = -1
 
 
 @dataclass(frozen=True)
@@ -51,21 +60,30 @@ class LabelPlan:
         Sum of the traces of the bound over all nodes after the start, m².
     lower_bound : float
         No walk from start to goal costs less than this, m² (up to rounding, 1e-9 of it).
-    complete : bool
-        Whether the search came to its end before the limit of expansions.
+    stopped_by : str
+        The limit that the search met before its end: "expansions", "labels", "comparisons",
+        or "" if it came to its end.
     expanded : int
         Labels taken from the open list.
     labels : int
         Labels stored.
+    comparisons : int
+        Pairs of labels that were compared; they take most of the time.
     """
 
     nodes: np.ndarray
     covariance: np.ndarray
     cost: float
     lower_bound: float
-    complete: bool
+    stopped_by: str
     expanded: int
     labels: int
+    comparisons: int
+
+    @property
+    def complete(self):
+        """Whether the search came to its end."""
+        return not self.stopped_by
 
 
 @kernel
@@ -105,17 +123,32 @@ def gain_table(gradient):
     (north, east, steps, 8) ndarray of float32
         The largest sum of (eᵀ∇h)² over all walks of 1, 2, … steps from the cell, the cell
         itself not counted, rounded up. It serves every start, goal and noise.
+
+    Raises
+    ------
+    ParameterError
+        If `gradient` is no finite array of that shape, or the table of such a map would
+        take more than `MOST_TABLE_BYTES`, as from some 320 × 320 nodes.
     """
-    gradient = np.ascontiguousarray(gradient, dtype=float)
-    north, east = gradient.shape[1:]
-    table = np.empty((north, east, max(north, east) - 1, 8), dtype=np.float32)
+    gradient = checks.array("gradient", gradient, (2, "north", "east"))
+    shape = _table_shape(gradient)
+    size = 4 * math.prod(shape)
+    if size > MOST_TABLE_BYTES:
+        allowed = f"must have fewer cells: the table of its gains takes {size / 2**30:.1f} GiB"
+        raise checks.ParameterError("gradient", gradient.shape, f"{allowed}, at most 1 may")
+    table = np.empty(shape, dtype=np.float32)
     _gain_table(gradient, table)
     return table
 
 
+def _table_shape(gradient):
+    north, east = gradient.shape[1:]
+    return north, east, max(north, east) - 1, 8
+
+
 @kernel
-def remaining(ee, en, nn, gains, steps, R):
-    """Return the bound h of the module's text; `gains` (steps, 8) belong to the cell."""
+def _remaining(ee, en, nn, gains, steps, R):
+    """Return the bound h of the module's text; `gains` (≥ steps, 8) belong to the cell."""
     scale = R / (ee * nn - en * en)
     own = np.empty(8)  # R eᵀJe
     part = np.empty(8)
@@ -148,9 +181,10 @@ def _doubled(array):
 
 
 @kernel
-def _search(gradient, table, start, goal, R, P0, q, factor, cost, max_expansions):
+def _search(gradient, table, start, goal, R, P0, q, factor, cost, limits):
     # Labels are rows of `state` (ee, en, nn, G) and `link` (cell, parent, next). The labels
     # of a cell are a list linked by `next`, sorted by G. Ties in F go to the older label.
+    # The limits are looked at between two expansions, so that the open list is whole.
     north, east = gradient.shape[1:]
     goal_i, goal_j = goal // east, goal % east
     state = np.empty((1024, 4))
@@ -161,12 +195,23 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, max_expansions
     state[0] = P0[0, 0], P0[0, 1], P0[1, 1], 0.0
     link[0] = start, -1, -1
     head[start] = 0
-    count, expanded, arrived = 1, 0, -1
+    none = np.empty(0, np.int64)
+    count, expanded, compared, arrived, reason = 1, 0, 0, -1, 0
     i, j = start // east, start % east
     distance = max(abs(i - goal_i), abs(j - goal_j))
-    at_start = remaining(P0[0, 0], P0[0, 1], P0[1, 1], table[i, j], distance, R)
+    at_start = _remaining(P0[0, 0], P0[0, 1], P0[1, 1], table[i, j], distance, R)
     heap = [(at_start, 0)]
-    while len(heap) > 0 and heap[0][0] < cost and expanded < max_expansions:
+    if not at_start < np.inf:
+        return none, cost, cost, at_start, _UNSOUND, expanded, count, compared
+    while len(heap) > 0 and heap[0][0] < cost:
+        if expanded >= limits[0]:
+            reason = 1
+        elif count + 8 > limits[1]:
+            reason = 2
+        elif compared >= limits[2]:
+            reason = 3
+        if reason != 0:
+            break
         label = heapq.heappop(heap)[1]
         if dropped[label]:
             continue
@@ -184,6 +229,8 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, max_expansions
                 east_slope, north_slope = gradient[0, ni, nj], gradient[1, ni, nj]
                 ee, en, nn = step(ee, en, nn, east_slope, north_slope, R, q_step)
                 G = state[label, 3] + ee + nn
+                if not sound(ee, en, nn):
+                    return none, cost, cost, at_start, _UNSOUND, expanded, count, compared
                 if cost <= G:
                     continue
                 new[0], new[1], new[2], new[3] = ee, en, nn, G
@@ -192,12 +239,15 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, max_expansions
                 before, after = -1, head[other]
                 dominated = False
                 while after >= 0 and state[after, 3] <= G and not dominated:
+                    compared += 1
                     dominated = _below(state[after], new, factor)
                     before, after = after, link[after, 2]
                 if dominated:
                     continue
                 distance = max(abs(ni - goal_i), abs(nj - goal_j))
-                F = G + remaining(ee, en, nn, table[ni, nj], distance, R)
+                F = G + _remaining(ee, en, nn, table[ni, nj], distance, R)
+                if not F < np.inf:
+                    return none, cost, cost, at_start, _UNSOUND, expanded, count, compared
                 if cost <= F:
                     continue
 
@@ -212,6 +262,7 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, max_expansions
                     link[before, 2] = count
                 before = count
                 while after >= 0:
+                    compared += 1
                     if _below(new, state[after], factor):
                         dropped[after] = True
                         link[before, 2] = link[after, 2]
@@ -226,21 +277,35 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, max_expansions
     while len(heap) > 0 and dropped[heap[0][1]]:
         heapq.heappop(heap)
     lowest = min(heap[0][0], cost) if len(heap) > 0 else cost
+    if not lowest < cost:
+        reason = 0  # nothing below the cost is open: the end, and not a limit
     path = [arrived]
     while path[-1] >= 0:
         path.append(link[path[-1], 1])
     cells = np.array([link[label, 0] for label in path[-2::-1]])
-    return cells, cost, lowest, at_start, expanded, count
+    return cells, cost, lowest, at_start, reason, expanded, count, compared
 
 
 def _known_path(task, incumbent):
     nodes = np.asarray(incumbent.nodes)
     ends = task.nodes(np.array([task.start, task.goal]))
-    adjacent = (np.abs(np.diff(nodes, axis=0)).max(axis=1) == 1).all()
+    size = task.gradient.shape[:0:-1]
+    usable = nodes.ndim == 2 and nodes.shape[1] == 2 and nodes.dtype.kind in "iu"
+    usable = usable and len(nodes) > 1 and (nodes >= 0).all() and (nodes < size).all()
+    adjacent = usable and (np.abs(np.diff(nodes, axis=0)).max(axis=1) == 1).all()
     if not adjacent or not np.array_equal(nodes[[0, -1]], ends):
         allowed = "must be a plan over adjacent nodes from start to goal"
-        raise checks.ParameterError("incumbent", f"plan of {len(nodes)} nodes", allowed)
+        raise checks.ParameterError("incumbent", f"plan of nodes {nodes.shape}", allowed)
     return nodes
+
+
+def _known_table(task, table):
+    shape = _table_shape(task.gradient)
+    usable = isinstance(table, np.ndarray) and table.dtype == np.float32 and table.shape == shape
+    if not usable or not table.flags.c_contiguous or not (table >= 0).all():
+        found = f"{type(table).__name__} of shape {getattr(table, 'shape', ())}"
+        raise checks.ParameterError("table", found, "must be gain_table(gradient)")
+    return table
 
 
 def plan_labels(
@@ -255,6 +320,7 @@ def plan_labels(
     *,
     epsilon,
     max_expansions=1_000_000,
+    max_comparisons=150_000_000,
     incumbent=None,
     table=None,
 ):
@@ -267,8 +333,10 @@ def plan_labels(
     epsilon : float
         Tolerance of the dominance between covariances. Zero is exact, but needs very many
         labels except on small grids.
-    max_expansions : int
-        Labels to expand at most; then the search stops.
+    max_expansions, max_comparisons : int
+        Labels to expand and pairs of labels to compare at most; then the search stops, as
+        it does at `MOST_LABELS` labels. The time of a search goes with the comparisons, some
+        ten million in a second; the last expansion may pass their limit.
     incumbent : Plan or LabelPlan, optional
         A path that is known already (default: the A* plan). Labels that cannot become
         cheaper are discarded, and it is returned if nothing cheaper is found.
@@ -284,28 +352,27 @@ def plan_labels(
     Raises
     ------
     ParameterError
-        As `plan`, and if `epsilon` is negative, `max_expansions` is below one,
+        As `plan` and `gain_table`, and if `epsilon` is negative, a limit is below one,
         `incumbent` does not lead from start to goal, or `table` does not fit the map.
     """
     inputs = (gradient, spacing, start, goal, noise, P0, process_noise, speed)
     task = problem(*inputs)
     epsilon = checks.number("epsilon", epsilon, at_least=0)
-    limit = checks.integer("max_expansions", max_expansions, at_least=1)
-    if table is None:
-        table = gain_table(task.gradient)
-    north, east = task.gradient.shape[1:]
-    if table.shape != (north, east, max(north, east) - 1, 8):
-        shape = f"array of shape {table.shape}"
-        raise checks.ParameterError("table", shape, "must be gain_table(gradient)")
+    limits = (
+        checks.integer("max_expansions", max_expansions, at_least=1, at_most=10**15),
+        MOST_LABELS,
+        checks.integer("max_comparisons", max_comparisons, at_least=1, at_most=10**15),
+    )
+    table = gain_table(task.gradient) if table is None else _known_table(task, table)
     nodes = _known_path(task, plan(*inputs) if incumbent is None else incumbent)
     known = float(np.trace(task.bound(nodes)[1:], axis1=1, axis2=2).sum())
     factor = (1.0 + epsilon) * (1.0 + _ROUNDING)
-    cells, cost, lowest, at_start, expanded, count = _search(
-        task.gradient, table, task.start, task.goal, task.R, task.P0, task.q, factor, known, limit
+    cells, cost, lowest, at_start, reason, *counts = _search(
+        task.gradient, table, task.start, task.goal, task.R, task.P0, task.q, factor, known, limits
     )
+    if reason == _UNSOUND:
+        refuse(noise, P0, process_noise, speed)
     if len(cells) > 0:
         nodes = task.nodes(cells)
     lower = lowest if epsilon == 0 else min(at_start, cost)
-    # The search has ended, and not been cut off, when nothing below the cost is open.
-    complete = not lowest < cost
-    return LabelPlan(nodes, task.bound(nodes), cost, lower, complete, expanded, count)
+    return LabelPlan(nodes, task.bound(nodes), cost, lower, _LIMITS[reason], *counts)

@@ -153,6 +153,8 @@ def problem(gradient, spacing, start, goal, noise, P0, process_noise, speed):
     seconds = spacing / checks.number("speed", speed, above=0)
     rate = checks.number("process_noise", process_noise, at_least=0)
     noise, P0 = deviation(noise), checks.covariance("P0", P0, 2, definite=True)
+    if not sound(P0[0, 0], P0[0, 1], P0[1, 1]):
+        refuse(noise, P0, process_noise, speed)
     q = rate * seconds * np.array([1.0, np.sqrt(2.0)])
     return Problem(gradient, *cells, noise, P0, q)
 
