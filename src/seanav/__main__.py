@@ -1,7 +1,13 @@
 """``python -m seanav``: list papers, run them, check their results, list their claims."""
 
-import argparse
 import sys
+
+from seanav import _process
+
+if __name__ == "__main__":
+    _process.install()  # before anything slow: an end may come while libraries are loaded
+
+import argparse
 from pathlib import Path
 
 from seanav import runner
@@ -13,17 +19,24 @@ def main(arguments: list[str] | None = None) -> int:
     given = _parser().parse_args(arguments)
     try:
         return given.action(given.root.resolve(), given)
-    except runner.Refused as error:
+    except (runner.Refused, OSError) as error:
         print(error, file=sys.stderr)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
     return 1
+
+
+class _Once(argparse.Action):
+    """An option that must not be given twice: the first one would be lost without a word."""
+
+    def __call__(self, parser, given, value, name=None):
+        if getattr(given, self.dest) is not self.default:
+            parser.error(f"{name} is given twice")
+        setattr(given, self.dest, value)
 
 
 def _parser():
     checkout = Path(__file__).resolve().parents[2]
     parser = argparse.ArgumentParser(prog="python -m seanav", description=__doc__)
-    parser.add_argument("--root", type=Path, default=checkout, help="the checkout")
+    parser.add_argument("--root", action=_Once, type=Path, default=checkout, help="the checkout")
     commands = parser.add_subparsers(required=True)
 
     def command(action, text):
@@ -31,17 +44,18 @@ def _parser():
         added.set_defaults(action=action)
         return added
 
+    several = {"nargs": "+", "action": "extend", "default": []}
     command(_list, "list the papers")
     run = command(_run, "run the notebooks")
     run.add_argument("--quick", action="store_true", help="reduced runs, below build/")
-    run.add_argument("--param", nargs="*", default=[], metavar="NAME=VALUE", help="below build/")
+    run.add_argument("--param", **several, metavar="NAME=VALUE", help="below build/")
     store = command(_store, "keep the outputs of the last full runs in notebooks/")
     check = command(_check, "compare fresh results with the committed ones")
-    check.add_argument("--fresh", type=Path, help="default: build/nbval")
-    check.add_argument("--rtol", type=float, default=1e-6, help="default: %(default)g")
+    check.add_argument("--fresh", action=_Once, type=Path, help="default: build/nbval")
+    check.add_argument("--rtol", action=_Once, type=float, default=1e-6, help="%(default)g")
     claims = command(_claims, "list the claims and their verdicts")
     for of_papers in (run, store, claims):
-        of_papers.add_argument("--paper", metavar="PAPER", help="number or name; default: all")
+        of_papers.add_argument("--paper", **several, help="numbers or names; default: all")
     return parser
 
 
@@ -52,14 +66,18 @@ def _list(root, given):
 
 
 def _run(root, given):
-    for stem in runner.papers(root, given.paper):
-        runner.run(root, stem, given.quick, tuple(given.param))
+    stems, words = runner.papers(root, given.paper), tuple(given.param)
+    for stem in stems:  # all of them, before the first one runs
+        runner.parameters(root, stem, given.quick, words)
+    for stem in stems:
+        runner.run(root, stem, given.quick, words)
     return 0
 
 
 def _store(root, given):
     for stem in runner.papers(root, given.paper):
-        runner.store(root, stem)
+        if warned := runner.store(root, stem):
+            print(f"{stem}: stderr of cells {warned} is not stored", file=sys.stderr)
     return 0
 
 

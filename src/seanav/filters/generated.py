@@ -14,7 +14,6 @@ import tempfile
 import threading
 from pathlib import Path
 
-import numba
 import numpy as np
 import sympy as sp
 from sympy.printing.pycode import PythonCodePrinter
@@ -78,12 +77,12 @@ _IMPORTING, _MODULES = threading.Lock(), {}
 
 
 def _imported(name, source):
-    folder = Path(numba.config.CACHE_DIR or tempfile.mkdtemp(prefix="seanav")) / "generated"
+    folder = Path(_compile.CACHE or tempfile.mkdtemp(prefix="seanav")) / "generated"
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.py"
     if not path.is_file():  # numba looks at the time stamp: an existing file stays
         beside = path.with_suffix(f".{os.getpid()}")
-        beside.write_text(source)
+        beside.write_text(source, encoding="utf-8")
         os.replace(beside, path)
     spec = importlib.util.spec_from_file_location(name, path)
     module = importlib.util.module_from_spec(spec)
@@ -444,6 +443,3 @@ class Predictor:
         )
         self._kernels.expand(mean, P, inputs[0], parameters, predicted, H, spread)
         return predicted, H, spread
-
-
-assert _compile  # its import sets numba's cache folder, which `_module` uses
