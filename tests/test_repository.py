@@ -40,9 +40,11 @@ LOWER = {
     "estimates": {"checks"},
     "scenario": {"checks"},
     "plots": {"estimates"},
-    "report": {"checks", "estimates", "scenario"},
-    "runner": {"checks", "report", "runner"},
-    "__main__": {"report", "runner"},
+    "_files": set(),
+    "_process": set(),
+    "report": {"_files", "checks", "estimates", "scenario"},
+    "runner": {"_files", "_process", "checks", "report", "runner"},
+    "__main__": {"_process", "report", "runner"},
     "__init__": set(),
 }
 

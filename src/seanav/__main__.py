@@ -1,8 +1,14 @@
 """``python -m seanav``: list papers, run them, check their results, list their claims."""
 
+import sys
+
+from seanav import _process
+
+if __name__ == "__main__":
+    _process.install()  # before anything slow: an end may come while libraries are loaded
+
 import argparse
 import re
-import sys
 from pathlib import Path
 
 from seanav import runner
@@ -14,17 +20,24 @@ def main(arguments: list[str] | None = None) -> int:
     given = _parser().parse_args(arguments)
     try:
         return given.action(given.root.resolve(), given)
-    except runner.Refused as error:
+    except (runner.Refused, OSError) as error:
         print(error, file=sys.stderr)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
     return 1
+
+
+class _Once(argparse.Action):
+    """An option that must not be given twice: the first one would be lost without a word."""
+
+    def __call__(self, parser, given, value, name=None):
+        if getattr(given, self.dest) is not self.default:
+            parser.error(f"{name} is given twice")
+        setattr(given, self.dest, value)
 
 
 def _parser():
     checkout = Path(__file__).resolve().parents[2]
     parser = argparse.ArgumentParser(prog="python -m seanav", description=__doc__)
-    parser.add_argument("--root", type=Path, default=checkout, help="the checkout")
+    parser.add_argument("--root", action=_Once, type=Path, default=checkout, help="the checkout")
     commands = parser.add_subparsers(required=True)
 
     def command(action, text):
@@ -32,20 +45,21 @@ def _parser():
         added.set_defaults(action=action)
         return added
 
+    several = {"nargs": "+", "action": "extend", "default": []}
     command(_list, "list the papers")
     run = command(_run, "run the notebooks")
     run.add_argument("--quick", action="store_true", help="reduced runs, below build/")
-    run.add_argument("--param", nargs="*", default=[], metavar="NAME=VALUE", help="below build/")
-    run.add_argument("--params", default="", metavar="TEXT", help="several NAME=VALUE in one text")
+    run.add_argument("--param", **several, metavar="NAME=VALUE", help="below build/")
+    run.add_argument(
+        "--params", action=_Once, default="", metavar="TEXT", help="several NAME=VALUE in one text"
+    )
     store = command(_store, "keep the outputs of the last full runs in notebooks/")
     check = command(_check, "compare fresh results with the committed ones")
-    check.add_argument("--fresh", type=Path, help="default: build/nbval")
-    check.add_argument("--rtol", type=float, default=1e-6, help="default: %(default)g")
+    check.add_argument("--fresh", action=_Once, type=Path, help="default: build/nbval")
+    check.add_argument("--rtol", action=_Once, type=float, default=1e-6, help="%(default)g")
     claims = command(_claims, "list the claims and their verdicts")
     for of_papers in (run, store, claims):
-        of_papers.add_argument(
-            "--paper", action="append", metavar="PAPER", help="number or name; default: all"
-        )
+        of_papers.add_argument("--paper", **several, help="numbers or names; default: all")
     return parser
 
 
@@ -53,10 +67,6 @@ def _list(root, given):
     for stem in runner.papers(root):
         print(stem)
     return 0
-
-
-def _papers(root, given):
-    return sorted({stem for pick in given.paper or [None] for stem in runner.papers(root, pick)})
 
 
 def words(text: str) -> list[str]:
@@ -74,15 +84,18 @@ def words(text: str) -> list[str]:
 
 
 def _run(root, given):
-    given.param = [*given.param, *words(given.params)]
-    for stem in _papers(root, given):
-        runner.run(root, stem, given.quick, tuple(given.param))
+    stems, chosen = runner.papers(root, given.paper), (*given.param, *words(given.params))
+    for stem in stems:  # all of them, before the first one runs
+        runner.parameters(root, stem, given.quick, chosen)
+    for stem in stems:
+        runner.run(root, stem, given.quick, chosen)
     return 0
 
 
 def _store(root, given):
-    for stem in _papers(root, given):
-        runner.store(root, stem)
+    for stem in runner.papers(root, given.paper):
+        if warned := runner.store(root, stem):
+            print(f"{stem}: stderr of cells {warned} is not stored", file=sys.stderr)
     return 0
 
 
@@ -95,7 +108,7 @@ def _check(root, given):
 
 def _claims(root, given):
     everything = runner.claims(root)
-    for stem in _papers(root, given):
+    for stem in runner.papers(root, given.paper):
         for number, claim in everything.get(stem, {}).items():
             value = "" if claim["value"] is None else f" ({significant(claim['value'])})"
             print(f"{number} {claim['verdict']}: {claim['claim']}{value}")

@@ -21,8 +21,9 @@ def _sources_digest() -> str:
 
 
 # An installed copy has no checkout to write into: numba's default place serves there.
+CACHE = None
 if (_CHECKOUT / "pyproject.toml").is_file():
-    numba.config.CACHE_DIR = str(_CHECKOUT / "build" / "numba" / _sources_digest())
+    CACHE = _CHECKOUT / "build" / "numba" / _sources_digest()
 
 
 def kernel(function):
@@ -36,4 +37,10 @@ def kernel(function):
     Its name therefore begins with an underscore: it is called by other kernels, and by
     public functions that have checked what they hand on (`seanav.checks`).
     """
-    return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    # numba asks for the place of its cache here only; a user's own functions keep theirs.
+    theirs = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(CACHE or theirs)
+    try:
+        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    finally:
+        numba.config.CACHE_DIR = theirs

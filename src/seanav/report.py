@@ -7,20 +7,23 @@ import json
 import math
 import os
 import re
+import secrets
 import shutil
 import warnings
+import weakref
 from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from numbers import Integral, Real
 from pathlib import Path
 
 import attrs
-import matplotlib
 import numpy as np
 import PIL.Image
 from IPython.display import Image
 from matplotlib import pyplot as plt
 
+from seanav._files import lock, place, write
 from seanav.estimates import Estimate
 from seanav.scenario import ORIGINS
 
@@ -220,17 +223,23 @@ class Report:
     Notes
     -----
     The runner says where to write; a notebook run by hand writes below ``build/``.
-    An older folder of the same name is removed first.
+    Everything is written aside; `finish` puts it in place of an older folder of the same
+    name, so that two kernels never mix their results. From here to `finish` pyplot draws
+    in this project's style, whatever a user's own settings are.
     """
+
+    _style = ExitStack()  # of the last report only
 
     def __init__(self, stem: str, *, scenario, seed: int, quick: bool = False):
         checkout = Path(__file__).resolve().parents[2]
         by_hand = (
             checkout if (checkout / "pyproject.toml").is_file() else Path()
         ) / "build/by_hand"
-        self._folder = Path(os.environ.get("SEANAV_RESULTS") or by_hand) / stem
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self._results = Path(os.environ.get("SEANAV_RESULTS") or by_hand).resolve() / stem
+        self._folder = self._results.with_name(f".{stem}-{secrets.token_hex(4)}")
         self._folder.mkdir(parents=True)
+        # What was not finished goes with the kernel, or with a report that replaces it.
+        weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
         self._about = {
             "seed": seed,
             "quick": quick,
@@ -240,8 +249,8 @@ class Report:
         self._claims = {}
         self._deviations = []
         self._parameters = None
-        matplotlib.use("agg")  # a figure is shown from its file, the same everywhere
-        plt.style.use("seanav.seanav")
+        Report._style.close()
+        Report._style.enter_context(plt.style.context("seanav.seanav", after_reset=True))
 
     def _new(self, name, number, suffix):
         label = f"{number:02d}" if isinstance(number, int) and name == "figure" else str(number)
@@ -277,7 +286,7 @@ class Report:
     def table(self, number: int | str, columns: list[str], rows: list, caption: str) -> None:
         """Save a table as CSV and print it, numbers rounded by `significant`."""
         rows = [list(row) for row in rows]
-        self._new("table", number, ".csv").write_text(_csv(columns, rows))
+        write(self._new("table", number, ".csv"), _csv(columns, rows))
         print(f"Table {number}. {caption}")
         _print_table(columns, rows)
 
@@ -358,14 +367,18 @@ class Report:
         if self._parameters is None:
             raise ValueError("the origins of the parameters are missing")
         deviations = ["table", "row", "column", "printed", "ours", "low", "high", "agrees"]
-        (self._folder / "deviations.csv").write_text(_csv(deviations, self._deviations))
+        write(self._folder / "deviations.csv", _csv(deviations, self._deviations))
         origins = ["name", "value", "unit", "origin"]
-        (self._folder / "parameters.csv").write_text(_csv(origins, self._parameters))
+        write(self._folder / "parameters.csv", _csv(origins, self._parameters))
         claims = {number: self._claims[number] for number in expected}
         values = {number: claim["value"] for number, claim in claims.items()}
         self._about["headline"] = {n: significant(x) for n, x in values.items() if x is not None}
-        # Beside the folder, not in it: the runner moves this part into the manifest.
-        self._folder.with_suffix(".json").write_text(json_text(self._about))
-        (self._folder / "claims.json").write_text(json_text(claims))
+        write(self._folder / "claims.json", json_text(claims))
+        with lock(self._results.with_name(f".{self._results.name}.lock")):
+            # Beside the folder, not in it: the runner moves this part into the manifest.
+            write(self._results.with_suffix(".json"), json_text(self._about))
+            place(self._folder, self._results)
+        self._folder = self._results
+        Report._style.close()
         counts = [sum(c["verdict"] == v for c in claims.values()) for v in VERDICTS]
         print("; ".join(f"{n} {v}" for n, v in zip(counts, VERDICTS, strict=True)))

@@ -16,7 +16,6 @@ import threading
 import uuid
 from pathlib import Path
 
-import numba
 import numpy as np
 
 from seanav import _compile
@@ -45,7 +44,7 @@ _IMPORTING, _MODULES = threading.Lock(), {}
 
 
 def _imported(name, source):
-    folder = Path(numba.config.CACHE_DIR or tempfile.mkdtemp(prefix="seanav")) / "generated"
+    folder = Path(_compile.CACHE or tempfile.mkdtemp(prefix="seanav")) / "generated"
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.py"
     # numba looks at the time stamp: a file that is right stays.
@@ -221,6 +220,3 @@ class Predictor(_Compiled):
         predicted, H, spread = (np.empty((len(mean), *s)) for s in ((k,), (k, n), (k, k)))
         self._kernels.expand(mean, P, inputs, parameters, predicted, H, spread)
         return predicted, H, spread
-
-
-assert _compile  # its import sets numba's cache folder, which `_module` uses

@@ -2,8 +2,8 @@
 
 from seanav.runner.check import check
 from seanav.runner.checkout import Refused, claims, manifest, notebook, papers
-from seanav.runner.publish import dependencies, imports, publish, store, summary
-from seanav.runner.run import defaults, overrides, run
+from seanav.runner.publish import dependencies, imports, mend, publish, store, summary
+from seanav.runner.run import defaults, overrides, parameters, run
 
 __all__ = [
     "Refused",
@@ -13,9 +13,11 @@ __all__ = [
     "dependencies",
     "imports",
     "manifest",
+    "mend",
     "notebook",
     "overrides",
     "papers",
+    "parameters",
     "publish",
     "run",
     "store",

@@ -7,8 +7,8 @@ import math
 import tomllib
 from pathlib import Path
 
-from seanav.runner.checkout import Refused, claims, manifest, papers
-from seanav.runner.publish import provenance, summary
+from seanav.runner.checkout import Refused, manifest, papers, results
+from seanav.runner.publish import mend, provenance, summary
 
 
 def check(root: Path, fresh: Path, rtol: float = 1e-6) -> list[str]:
@@ -28,9 +28,12 @@ def check(root: Path, fresh: Path, rtol: float = 1e-6) -> list[str]:
         What differs, one line each; empty if all is well.
     """
     path = root / "tests" / "tolerances.toml"
-    exceptions = tomllib.loads(path.read_text())["exception"] if path.exists() else []
+    exceptions = (
+        tomllib.loads(path.read_text(encoding="utf-8"))["exception"] if path.exists() else []
+    )
     if not all(exception.get("reason") for exception in exceptions):
         raise Refused(f"{path.name}: every exception needs a reason")
+    mend(root)
     wrong = []
     for stem in papers(root):
         committed, entry = root / "paper_figures" / stem, manifest(root).get(stem)
@@ -40,10 +43,10 @@ def check(root: Path, fresh: Path, rtol: float = 1e-6) -> list[str]:
         if not (fresh / stem / "claims.json").is_file():
             wrong.append(f"{stem}: no complete results in {fresh.name}")
             continue
-        now = provenance(root, stem)
+        now = provenance(root, committed)
         changed = [key for key in now if now[key] != entry.get(key)]
         wrong += [f"{stem}: {key} are not those of the manifest" for key in changed]
-        about = json.loads((fresh / f"{stem}.json").read_text())
+        about = json.loads((fresh / f"{stem}.json").read_text(encoding="utf-8"))
         old, new = _flat({key: entry.get(key) for key in about}), _flat(about)
         wrong += _differences(f"{stem}/manifest", old, new, rtol, exceptions)
         names = {p.name for p in [*committed.iterdir(), *(fresh / stem).iterdir()]}
@@ -57,19 +60,20 @@ def check(root: Path, fresh: Path, rtol: float = 1e-6) -> list[str]:
             print(f"{stem}/{name}: {'identical' if same else 'other bytes'}")
             old, new = map(_numbers, pair)
             wrong += _differences(f"{stem}/{name}", old, new, rtol, exceptions)
-    strays = {p.name for p in (root / "paper_figures").glob("*/")} - set(papers(root))
+    strays = {p.name for p in (root / "paper_figures").glob("[!.]*/")} - set(papers(root))
     wrong += [f"paper_figures/{name}: no such paper" for name in sorted(strays)]
     report = root / "paper_figures" / "REPORT.md"
-    if claims(root) and (not report.exists() or report.read_text() != summary(root)):
+    text = report.read_text(encoding="utf-8") if report.exists() else None
+    if results(root) and text != summary(results(root)):
         wrong.append("REPORT.md is not that of the claims: make figures")
     return wrong
 
 
 def _numbers(path):
     if path.suffix == ".json":
-        return _flat(json.loads(path.read_text()))
+        return _flat(json.loads(path.read_text(encoding="utf-8")))
     if path.suffix == ".csv":
-        with path.open() as file:
+        with path.open(encoding="utf-8") as file:
             header, *rows = csv.reader(file)
         cells = [dict(zip(header, row, strict=True)) for row in rows]
         return _flat({"columns": header, "row": cells})

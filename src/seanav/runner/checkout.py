@@ -7,6 +7,7 @@ function takes `root`, the checkout.
 
 import json
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 import nbformat
@@ -16,14 +17,20 @@ class Refused(Exception):
     """A run, a store or a comparison that did not succeed; the message is one line."""
 
 
-def papers(root: Path, pick: str | None = None) -> list[str]:
-    """Return the stems of all papers, or of the one whose number or stem is `pick`."""
+def papers(root: Path, picks: str | Iterable[str] | None = None) -> list[str]:
+    """Return the stems of all papers, or of those whose number or stem is in `picks`."""
     stems = sorted(path.stem for path in (root / "notebooks").glob("*.ipynb"))
     stems = [stem for stem in stems if re.fullmatch("[0-9]+_[A-Za-z0-9_]+", stem)]
-    chosen = [stem for stem in stems if pick in (None, stem, stem.partition("_")[0])]
-    if pick and not chosen:
-        raise Refused(f"no paper {pick!r}; there are: {', '.join(stems) or 'none yet'}")
-    return chosen
+    picks = [picks] if isinstance(picks, str) else picks
+    if not picks:
+        return stems
+    chosen = set()
+    for pick in picks:
+        found = {stem for stem in stems if pick in (stem, stem.partition("_")[0])}
+        if not found:
+            raise Refused(f"no paper {pick!r}; there are: {', '.join(stems) or 'none yet'}")
+        chosen |= found
+    return sorted(chosen)
 
 
 def notebook(root: Path, stem: str) -> nbformat.NotebookNode:
@@ -34,10 +41,20 @@ def notebook(root: Path, stem: str) -> nbformat.NotebookNode:
 def manifest(root: Path) -> dict:
     """Return the manifest of the committed results, an entry per paper."""
     path = root / "paper_figures" / "manifest.json"
-    return json.loads(path.read_text()) if path.exists() else {}
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def results(root: Path) -> dict[str, Path]:
+    """Return the folder of committed results of every paper that has them, by stem."""
+    folders = {stem: root / "paper_figures" / stem for stem in papers(root)}
+    return {stem: path for stem, path in folders.items() if (path / "claims.json").exists()}
 
 
 def claims(root: Path) -> dict[str, dict]:
     """Return the committed claims of every paper, by stem."""
-    paths = {stem: root / "paper_figures" / stem / "claims.json" for stem in papers(root)}
-    return {stem: json.loads(p.read_text()) for stem, p in paths.items() if p.exists()}
+    return {stem: claims_in(folder) for stem, folder in results(root).items()}
+
+
+def claims_in(folder: Path) -> dict[str, dict]:
+    """Return the claims in a folder of results, by number."""
+    return json.loads((folder / "claims.json").read_text(encoding="utf-8"))

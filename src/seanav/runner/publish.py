@@ -14,39 +14,73 @@ from pathlib import Path
 import nbformat
 from packaging.requirements import Requirement
 
+from seanav._files import lock, place, remove, write
 from seanav.report import VERDICTS, json_text, significant
-from seanav.runner.checkout import Refused, claims, manifest, notebook, papers
+from seanav.runner.checkout import Refused, claims_in, manifest, notebook, papers, results
+
+READY = ".ready"  # in paper_figures/: complete, and on its way into its place
+PUBLISHING = Path("build", "locks", "publish")
 
 
-def publish(root: Path, stem: str, started: float) -> Path:
-    """Replace the committed results by the fresh ones, then everything made from them."""
-    full, final, old = root / "build/full", root / "paper_figures" / stem, root / "build/old" / stem
-    shutil.rmtree(old, ignore_errors=True)
-    old.parent.mkdir(parents=True, exist_ok=True)
-    final.parent.mkdir(exist_ok=True)
-    if final.exists():
-        final.rename(old)
-    (full / stem).rename(final)
-    entry = json.loads((full / f"{stem}.json").read_text()) | provenance(root, stem)
-    entries = manifest(root) | {stem: entry}
-    entries = {stem: entries[stem] for stem in papers(root) if stem in entries}
-    _write(root / "paper_figures" / "manifest.json", json_text(entries))
-    _write(root / "paper_figures" / "REPORT.md", summary(root))
-    # For make: what this run depended on. A file changed during the run is newer.
-    stamp = root / "build" / "stamps" / stem
-    stamp.parent.mkdir(parents=True, exist_ok=True)
-    files = [path.relative_to(root).as_posix() for path in dependencies(root, stem)]
-    rules = [f"build/stamps/{stem}: {' '.join(files)}", *(f"{file}:" for file in files)]
-    stamp.with_suffix(".d").write_text("\n".join(rules) + "\n")
-    stamp.touch()
-    os.utime(stamp, (started, started))
-    return final
+def publish(root: Path, stem: str, work: Path, started: float) -> Path:
+    """Replace the committed results by those in `work`, with everything made from them.
+
+    All of it is made in a hidden folder first, which one rename declares complete. What a
+    death leaves behind then is finished by `mend`; before, the old results stand. Make's
+    stamp goes first and comes last: without it make runs the paper again.
+    """
+    figures, stamp = root / "paper_figures", root / "build" / "stamps" / stem
+    staging = figures / ".staging"
+    with lock(root / PUBLISHING):
+        _finish(figures)
+        stamp.unlink(missing_ok=True)
+        keep(work, root / "build" / "full", stem)
+        remove(staging)
+        try:
+            fresh = root / "build" / "full" / stem
+            shutil.copytree(fresh, staging / stem, copy_function=shutil.copyfile)
+            about = json.loads(fresh.with_suffix(".json").read_text(encoding="utf-8"))
+            entries = manifest(root) | {stem: about | provenance(root, staging / stem)}
+            entries = {stem: entries[stem] for stem in papers(root) if stem in entries}
+            write(staging / "manifest.json", json_text(entries))
+            report = summary(dict(sorted((results(root) | {stem: staging / stem}).items())))
+            write(staging / "REPORT.md", report)
+        except OSError:
+            remove(staging)
+            raise
+        os.rename(staging, figures / READY)
+        _finish(figures)
+        # For make: what this run depended on. A file changed during the run is newer.
+        files = [path.relative_to(root).as_posix() for path in dependencies(root, stem)]
+        rules = [f"build/stamps/{stem}: {' '.join(files)}", *(f"{file}:" for file in files)]
+        stamp.parent.mkdir(parents=True, exist_ok=True)
+        write(stamp.with_suffix(".d"), "\n".join(rules) + "\n")
+        write(stamp, "", times=(round(started * 1e9),) * 2)
+    return figures / stem
 
 
-def _write(path, text):
-    aside = path.with_suffix(".new")
-    aside.write_text(text)
-    aside.replace(path)
+def keep(work: Path, folder: Path, stem: str) -> None:
+    """Move the executed notebook and its results from `work`; the results come last."""
+    remove(folder / stem)
+    for name in (f"{stem}.ipynb", f"{stem}.json", stem):
+        place(work / name, folder / name)
+
+
+def mend(root: Path) -> None:
+    """Finish a publication that was cut short, so that files, manifest and report fit."""
+    if (root / "paper_figures" / READY).is_dir():
+        with lock(root / PUBLISHING):
+            _finish(root / "paper_figures")
+
+
+def _finish(figures):
+    ready = figures / READY
+    if ready.is_dir():
+        for path in ready.iterdir():
+            if path.is_dir():
+                remove(figures / path.name)
+            os.replace(path, figures / path.name)
+        ready.rmdir()
 
 
 def dependencies(root: Path, stem: str) -> list[Path]:
@@ -64,7 +98,7 @@ def dependencies(root: Path, stem: str) -> list[Path]:
         if name not in found and path.is_file():
             found[name] = path
             within = name if path == package else name.rpartition(".")[0]
-            todo |= imports(path.read_text(), within)
+            todo |= imports(path.read_text(encoding="utf-8"), within)
     # Data files, such as the plot style, belong to the modules beside them.
     data = {p for path in found.values() for p in path.parent.iterdir() if p.is_file()}
     return sorted({*found.values(), *(p for p in data if p.suffix not in (".py", ".pyc"))})
@@ -84,13 +118,19 @@ def imports(source: str, package: str = "") -> set[str]:
     return {".".join(part[: k + 1]) for part in parts for k in range(len(part))}
 
 
-def store(root: Path, stem: str) -> None:
-    """Write the outputs of the last full run into the notebook, clean of the run's traces."""
-    path = root / "notebooks" / f"{stem}.ipynb"
+def store(root: Path, stem: str) -> list[int]:
+    """Write the outputs of the last full run into the notebook, clean of the run's traces.
+
+    Returns
+    -------
+    list of int
+        The cells whose warnings on stderr are not stored.
+    """
+    path, stamp = root / "notebooks" / f"{stem}.ipynb", root / "build" / "stamps" / stem
     executed = root / "build" / "full" / path.name
     book = nbformat.read(executed, as_version=4) if executed.exists() else notebook(root, stem)
     sources = [[c.source for c in b.cells] for b in (book, notebook(root, stem))]
-    if not executed.exists() or sources[0] != sources[1]:
+    if not (executed.exists() and stamp.exists()) or sources[0] != sources[1]:
         raise Refused(f"{stem}: there is no full run of the notebook as it is now")
     book.metadata = nbformat.from_dict(
         {
@@ -99,15 +139,27 @@ def store(root: Path, stem: str) -> None:
             "seanav": book.metadata.get("seanav", {}),
         }
     )
+    warned = [number for number, _ in stderr(book)]
     for cell in book.cells:
         kept = {key: cell.metadata[key] for key in ("tags", "jupyter") if cell.metadata.get(key)}
         cell.metadata = nbformat.from_dict(kept)
+        if cell.cell_type == "code":
+            cell.outputs = [output for output in cell.outputs if output.get("name") != "stderr"]
     text = nbformat.writes(book) + "\n"
-    if text != path.read_text():
-        times = (root / "build" / "stamps" / stem).stat()
-        _write(path, text)
+    if text != path.read_text(encoding="utf-8"):
         # The outputs are new, the code is not: make need not run it again.
-        os.utime(path, (times.st_atime, times.st_mtime))
+        write(path, text, times=(stamp.stat().st_mtime_ns,) * 2)
+    return warned
+
+
+def stderr(book: nbformat.NotebookNode) -> list[tuple[int, str]]:
+    """Return the number of each cell that wrote to stderr, with the last line of it."""
+    return [
+        (cell.execution_count, output.text.strip().splitlines()[-1])
+        for cell in book.cells
+        for output in cell.get("outputs", [])
+        if output.get("name") == "stderr" and output.text.strip()
+    ]
 
 
 # ---------------------------------------------------------------- provenance and report
@@ -117,26 +169,25 @@ def _sha256(path):
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def provenance(root: Path, stem: str) -> dict:
+def provenance(root: Path, folder: Path) -> dict:
     """Return what a manifest entry must say about the files, the packages and the lock."""
-    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
-    names = [Requirement(line).name for line in project["dependencies"]]
-    files = sorted((root / "paper_figures" / stem).iterdir())
+    text = (root / "pyproject.toml").read_text(encoding="utf-8")
+    names = [Requirement(line).name for line in tomllib.loads(text)["project"]["dependencies"]]
     return {
         "packages": {name: version(name) for name in names},
         "lock": _sha256(root / "requirements.lock"),
-        "files": {path.name: _sha256(path) for path in files},
+        "files": {path.name: _sha256(path) for path in sorted(folder.iterdir())},
     }
 
 
-def summary(root: Path) -> str:
-    """Return REPORT.md: all claims of all papers, with the number of each verdict."""
-    everything = claims(root)
+def summary(folders: dict[str, Path]) -> str:
+    """Return REPORT.md: all claims of all papers, whose results are in `folders`."""
+    everything = {stem: claims_in(folder) for stem, folder in folders.items()}
     counts = Counter(c["verdict"] for paper in everything.values() for c in paper.values())
     lines = ["# Claims of the papers", "", "Generated by `make figures`; intervals are 95 %.", ""]
     lines += ["| verdict | claims |", "|---|---|", *(f"| {v} | {counts[v]} |" for v in VERDICTS)]
     for stem, paper in everything.items():
-        with (root / "paper_figures" / stem / "deviations.csv").open() as file:
+        with (folders[stem] / "deviations.csv").open(encoding="utf-8") as file:
             agree = [row["agrees"] == "true" for row in csv.DictReader(file)]
         lines += ["", f"## {stem}", ""]
         lines += [f"Printed numbers that ours agree with: {sum(agree)} of {len(agree)}.", ""]

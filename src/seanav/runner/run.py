@@ -2,17 +2,23 @@
 
 import ast
 import difflib
-import json
 import os
+import re
+import secrets
 import shutil
+import sys
+import tempfile
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import nbformat
 
+from seanav import _process
+from seanav._files import Busy, lock, place, remove
 from seanav.checks import ParameterError
 from seanav.runner.checkout import Refused, notebook
-from seanav.runner.publish import publish
+from seanav.runner.publish import keep, mend, publish, stderr
 
 # ---------------------------------------------------------------- parameters
 
@@ -23,7 +29,11 @@ def defaults(book: nbformat.NotebookNode) -> dict:
     if len(cells) != 1:
         raise Refused(f"{len(cells)} cells are tagged 'parameters', must be exactly one")
     found = {}
-    for line in ast.parse(cells[0].source).body:
+    try:
+        lines = ast.parse(cells[0].source).body
+    except SyntaxError as error:
+        raise Refused(f"parameters cell: {error.msg} in line {error.lineno}") from None
+    for line in lines:
         try:
             (target,) = line.targets
             found[target.id] = ast.literal_eval(line.value)
@@ -35,7 +45,9 @@ def defaults(book: nbformat.NotebookNode) -> dict:
 
 def _fits(value, default) -> bool:
     if isinstance(default, float):
-        return isinstance(value, (int, float)) and not isinstance(value, bool)
+        # An integer may be too large for a float.
+        real = isinstance(value, (int, float)) and not isinstance(value, bool)
+        return real and abs(value) <= sys.float_info.max
     if isinstance(default, (list, tuple)) and default:
         return isinstance(value, (list, tuple)) and all(_fits(x, default[0]) for x in value)
     return default is None or type(value) is type(default)
@@ -47,7 +59,7 @@ def overrides(known: dict, words: list[str]) -> dict:
     Raises
     ------
     Refused
-        If a parameter is unknown or not of the form ``name=value``.
+        If a parameter is unknown, given twice, or not of the form ``name=value``.
     ParameterError
         If a value is not of its default's type; an integer is a float, a bool is not.
     """
@@ -60,15 +72,26 @@ def overrides(known: dict, words: list[str]) -> dict:
             near = difflib.get_close_matches(name, known, n=1)
             hint = f" (did you mean {near[0]!r}?)" if near else ""
             raise Refused(f"unknown parameter {name!r}{hint}; there are: {', '.join(known)}")
-        try:
-            value = text if isinstance(known[name], str) else ast.literal_eval(text)
-        except (ValueError, SyntaxError):
-            value = text
+        if name in chosen:
+            raise Refused(f"parameter {name!r} is given twice")
+        value = _literal(text, known[name])
         if not _fits(value, known[name]):
             kind, example = type(known[name]).__name__, known[name]
             raise ParameterError(name, value, f"must be of type {kind}, such as {example!r}")
         chosen[name] = float(value) if isinstance(known[name], float) else _lists(value)
     return chosen
+
+
+def _literal(text, default):
+    if isinstance(default, str):
+        return text
+    try:
+        return ast.literal_eval(text)
+    except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
+        if isinstance(default, (list, tuple)) and default and isinstance(default[0], str):
+            # A shell takes the quotes away: [v,r] stands for ['v', 'r'].
+            return [word.strip(" '\"") for word in text.strip(" []()").split(",")]
+        return text
 
 
 def _lists(value):
@@ -77,6 +100,18 @@ def _lists(value):
 
 
 # ---------------------------------------------------------------- running
+
+# Free space that a run demands: the results of a paper and its notebook, three times over.
+ROOM = 100 * 2**20
+
+
+def parameters(root: Path, stem: str, quick: bool, words: tuple[str, ...]) -> dict:
+    """Return what a run sets in the parameters cell, or raise `Refused`, with one line."""
+    try:
+        known = defaults(notebook(root, stem))
+        return overrides(known, [*words, *(["quick=True"] if quick else [])])
+    except (Refused, ParameterError) as error:
+        raise Refused(f"{stem}: {error}") from None
 
 
 def run(root: Path, stem: str, quick: bool = False, words: tuple[str, ...] = ()) -> Path:
@@ -91,50 +126,79 @@ def run(root: Path, stem: str, quick: bool = False, words: tuple[str, ...] = ())
         With one line, whatever went wrong; the committed results are untouched then
         and the failed notebook is kept in ``build/failed/``.
     """
-    book, started = notebook(root, stem), time.time()
-    try:
-        chosen = overrides(defaults(book), [*words, *(["quick=True"] if quick else [])])
-    except (Refused, ParameterError) as error:
-        raise Refused(f"{stem}: {error}") from None
+    started = time.time()
+    chosen = parameters(root, stem, quick, words)
     mode = "params" if words else "quick" if quick else "full"
-    seconds = book.metadata.get("seanav", {}).get("expected_seconds", {})
+    seconds = notebook(root, stem).metadata.get("seanav", {}).get("expected_seconds", {})
     expected = seconds.get("quick" if quick else "full", "an unknown number of")
-    print(f"{stem}: {mode} run, about {expected} s expected", flush=True)
-    _execute(root, stem, root / "build" / mode, chosen)
-    results = root / "build" / mode / stem
-    if mode == "full":
-        results = publish(root, stem, started)
+    try:
+        with _workplace(root, stem, mode) as work:
+            print(f"{stem}: {mode} run, about {expected} s expected", flush=True)
+            warned = _execute(root, stem, work, chosen, portable=mode != "params")
+            if mode == "full":
+                results = publish(root, stem, work, started)
+            else:
+                results = root / "build" / mode / stem
+                keep(work, results.parent, stem)
+    except OSError as error:
+        raise Refused(f"{stem}: {error}") from error
+    if warned:
+        print(f"{stem}: cell {warned[-1][0]} wrote to stderr: {warned[-1][1]}", file=sys.stderr)
     print(f"{stem}: done in {time.time() - started:.0f} s, see {results.relative_to(root)}/")
     return results
 
 
-def _execute(root, stem, folder, chosen):
+@contextmanager
+def _workplace(root, stem, mode):
+    """Yield a folder of this run's own, where nobody else runs the paper in this `mode`."""
+    build = root / "build"
+    for folder in [build, *([root / "paper_figures"] if mode == "full" else [])]:
+        folder.mkdir(exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            free = shutil.disk_usage(folder).free
+        if free < ROOM:
+            needs = f"{free // 2**20} MB are free, a run needs {ROOM // 2**20}"
+            raise Refused(f"{stem}: {folder.name}/: {needs}")
+    mend(root)
+    try:
+        with lock(build / "locks" / f"{mode}-{stem}", wait=False):
+            runs = build / "running" / mode / stem
+            remove(runs)  # what a killed run left
+            work = runs / secrets.token_hex(4)
+            work.mkdir(parents=True)
+            try:
+                yield work
+            finally:
+                remove(runs)
+    except Busy as error:
+        raise Refused(f"{stem}: another {mode} run of it is under way: {error}") from None
+
+
+def _execute(root, stem, work, chosen, portable):
     import papermill  # slow to import, and only needed here
 
-    folder.mkdir(parents=True, exist_ok=True)
-    executed, failed = folder / f"{stem}.ipynb", root / "build" / "failed" / f"{stem}.ipynb"
-    for old in (executed, failed, folder / f"{stem}.json"):
-        old.unlink(missing_ok=True)
-    shutil.rmtree(folder / stem, ignore_errors=True)
-    # The kernel inherits where to write and on which terminal to show progress.
+    executed, failed = work / f"{stem}.ipynb", root / "build" / "failed" / f"{stem}.ipynb"
+    remove(failed)
     terminal = os.ttyname(2) if os.isatty(2) else ""
-    os.environ.update(SEANAV_RESULTS=str(folder), SEANAV_PROGRESS=terminal)
+    environment = _process.environment(root, dict(os.environ))
+    # Where to write, and on which terminal to show progress.
+    environment |= {"SEANAV_RESULTS": str(work), "SEANAV_PROGRESS": terminal}
     try:
         book = papermill.execute_notebook(
-            root / "notebooks" / f"{stem}.ipynb",
-            executed,
+            _literally(root / "notebooks" / f"{stem}.ipynb"),
+            _literally(executed),
             parameters=chosen,
             kernel_name="python3",
+            kernel_manager_class=_kernel(environment, work),
             progress_bar=bool(terminal),
             # Without this every run warns that a kernel on this machine is not encrypted.
             extra_arguments=["--log-level=ERROR"],
             cwd=root,
         )
-        _demand_complete(root, book, folder / stem)
+        _demand_complete(root, book, work / stem, portable)
     except Exception as error:
-        failed.parent.mkdir(parents=True, exist_ok=True)
         if executed.exists():
-            executed.replace(failed)
+            place(executed, failed)
         name, text = type(error).__name__, str(error)
         if isinstance(error, papermill.PapermillExecutionError):
             name, text = f"cell {error.exec_count}: {error.ename}", error.evalue
@@ -142,19 +206,54 @@ def _execute(root, stem, folder, chosen):
         if name.endswith((": ParameterError", "Refused")):
             raise Refused(f"{stem}: {line}") from None
         raise Refused(f"{stem}: {name}: {line} (see build/failed/{stem}.ipynb)") from error
+    finally:
+        _process.kernels.clear()
+    return stderr(book)
 
 
-def _demand_complete(root, book, results):
+def _literally(path):
+    # papermill takes a path for a format string.
+    return str(path).replace("{", "{{").replace("}", "}}")
+
+
+def _kernel(environment, work):
+    """Return a manager whose kernel is this interpreter, with this `environment`."""
+    from ipykernel.kernelspec import get_kernel_dict
+    from jupyter_client import AsyncKernelManager
+    from jupyter_client.kernelspec import KernelSpec
+
+    class Kernel(AsyncKernelManager):
+        # A user's own kernel may be called python3, too.
+        kernel_spec = KernelSpec(**get_kernel_dict())
+
+        async def start_kernel(self, **options):
+            self.connection_file = str(work / "kernel.json")
+            await super().start_kernel(**options | {"env": environment})
+
+        async def _async_launch_kernel(self, command, **options):
+            with _process.starting_kernel():
+                await super()._async_launch_kernel(command, **options)
+                _process.kernels.add(self.provisioner.pid)
+
+        _launch_kernel = _async_launch_kernel
+
+    return Kernel
+
+
+def _demand_complete(root, book, results, portable):
+    # The folder's name as a whole; a checkout may lie in / or in /src.
+    place = re.compile(rf"(?<![\w./-]){re.escape(str(root))}(?![\w.-])")
     for cell in book.cells:
-        if cell.cell_type != "code" or not cell.source.strip():
-            continue
-        where = f"cell {cell.execution_count}"
-        for output in cell.outputs:
+        for output in cell.get("outputs", []):
+            where = f"cell {cell.execution_count}"
             if output.output_type == "error":
                 raise Refused(f"{where}: {output.ename}: {output.evalue}")
-            if output.get("name") == "stderr":
-                raise Refused(f"{where} wrote to stderr: {output.text.strip().splitlines()[-1]}")
-            if str(root) in json.dumps(output):
+            if portable and root.name and any(map(place.search, _texts(output))):
                 raise Refused(f"{where} prints a path of this machine")
     if not (results / "claims.json").is_file():
         raise Refused("the notebook did not call report.finish()")
+
+
+def _texts(output):
+    data = output.get("data", {})
+    return [output.get("text", ""), *(data[kind] for kind in data if kind.startswith("text/"))]

@@ -1,0 +1,171 @@
+"""Die at every file operation of a run, then run again: what must hold at each death.
+
+``python deaths.py CHECKOUT ACTION``, with the checkout of `conftest.finished`. Prints
+the number of deaths on the last line, and a line for each fault before it.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import nbformat
+import papermill
+
+from seanav import runner
+
+WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
+CHANGES = {"os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.utime", "os.truncate", "os.link"}
+
+
+def die_at(number, half_written):
+    """End this process at its operation `number` on a file; return nothing."""
+    count = 0
+
+    def hook(event, arguments):
+        nonlocal count
+        opened = event == "open" and arguments[2] & WRITING
+        if count < 0 or not (opened or event in CHANGES):
+            return
+        count += 1
+        if count == number:
+            count = -1
+            if half_written and opened:
+                with open(arguments[0], "w", encoding="utf-8") as file:
+                    file.write('{"half')
+            os._exit(9)
+
+    sys.addaudithook(hook)
+
+
+def dies(number, half_written, action):
+    child = os.fork()
+    if child == 0:
+        with open(os.devnull, "w", encoding="utf-8") as nothing:
+            os.dup2(nothing.fileno(), 1)
+        die_at(number, half_written)
+        action()
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
+
+
+def tree(folder):
+    return {
+        p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()
+    }
+
+
+def results(folder, seed):
+    """Write other results than those of the checkout, as a notebook would."""
+    shutil.copytree(ORIGINAL / "paper_figures/9_tiny", folder / "9_tiny")
+    about = json.loads((ORIGINAL / "build/full/9_tiny.json").read_text(encoding="utf-8"))
+    (folder / "9_tiny.json").write_text(json.dumps(about | {"seed": seed}), encoding="utf-8")
+    claims = folder / "9_tiny/claims.json"
+    text = claims.read_text(encoding="utf-8").replace("positive", f"positive {seed}")
+    claims.write_text(text, encoding="utf-8")
+
+
+def execute(notebook, output, **_):
+    book = nbformat.read(ORIGINAL / "build/full/9_tiny.ipynb", as_version=4)
+    book.cells[-1].outputs[0].text = "seed 2\n"
+    nbformat.write(book, str(output))
+    results(Path(output).parent, seed=2)
+    return book
+
+
+def fits(root):
+    """Return whether files, manifest and report belong together, without mending them."""
+    figures = root / "paper_figures"
+    if not (figures / "9_tiny").is_dir():
+        return False
+    files = {
+        p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in (figures / "9_tiny").iterdir()
+    }
+    (entry,) = json.loads((figures / "manifest.json").read_text(encoding="utf-8")).values()
+    word = "positive 2" if entry["seed"] == 2 else "positive |"
+    return files == entry["files"] and word in (figures / "REPORT.md").read_text(encoding="utf-8")
+
+
+def faults_of_a_full_run(root):
+    stamp = root / "build/stamps/9_tiny"
+    if stamp.exists() and not fits(root):
+        yield "make has nothing to do, and the results do not fit"
+    rules = stamp.with_suffix(".d")
+    if rules.exists() and rules.read_bytes() != RULES:
+        yield "half-written rules for make"
+    wrong = [runner.check(root, fresh) for fresh in (FRESH[1], FRESH[2])]
+    if [] not in wrong:
+        yield f"after mending: {wrong}"
+    if not fits(root):
+        yield "not mended"
+    runner.run(root, "9_tiny")
+    if runner.check(root, FRESH[2]) or not fits(root) or rules.read_bytes() != RULES:
+        yield "the next run did not end in a consistent state"
+    names = {path.name for path in (root / "paper_figures").iterdir()}
+    if names != {"9_tiny", "manifest.json", "REPORT.md"} or not stamp.exists():
+        yield f"left behind: {names}"
+    if list((root / "build/running").rglob("claims.json")):
+        yield "work left behind in build/"
+
+
+def faults_of_a_quick_run(root):
+    folder = root / "build/quick/9_tiny"
+    whole = [tree(FRESH[k] / "9_tiny") for k in (1, 2)]
+    if folder.exists() and tree(folder) not in whole:
+        yield "half-written results"
+    if tree(root / "paper_figures") != tree(ORIGINAL / "paper_figures"):
+        yield "a quick run touched the committed results"
+    runner.run(root, "9_tiny", quick=True)
+    if tree(folder) != whole[1]:
+        yield "the next run is not complete"
+
+
+def faults_of_a_store(root):
+    path = root / "notebooks/9_tiny.ipynb"
+    nbformat.read(path, as_version=4)
+    runner.store(root, "9_tiny")
+    if path.read_bytes() != STORED or len(list(path.parent.iterdir())) != 1:
+        yield "not stored"
+
+
+ORIGINAL, action = Path(sys.argv[1]), sys.argv[2]
+WORK = ORIGINAL.parent / f"deaths-{action}"
+RULES = (ORIGINAL / "build/stamps/9_tiny.d").read_bytes()
+FRESH = {seed: WORK / f"fresh{seed}" for seed in (1, 2)}
+FRESH[1].mkdir(parents=True)
+shutil.copytree(ORIGINAL / "paper_figures/9_tiny", FRESH[1] / "9_tiny")
+shutil.copy(ORIGINAL / "build/full/9_tiny.json", FRESH[1])
+results(FRESH[2], seed=2)
+shutil.copytree(ORIGINAL, WORK / "stored")
+runner.store(WORK / "stored", "9_tiny")
+STORED = (WORK / "stored/notebooks/9_tiny.ipynb").read_bytes()
+shutil.copytree(FRESH[1] / "9_tiny", ORIGINAL / "build/quick/9_tiny", dirs_exist_ok=True)
+
+papermill.execute_notebook = execute
+do, faults = {
+    "full": (lambda: runner.run(root, "9_tiny"), faults_of_a_full_run),
+    "quick": (lambda: runner.run(root, "9_tiny", quick=True), faults_of_a_quick_run),
+    "store": (lambda: runner.store(root, "9_tiny"), faults_of_a_store),
+}[action]
+deaths = 0
+terminal = os.dup(1)
+for half_written in (False, True):
+    for number in range(1, 1000):
+        root = WORK / f"{number}-{half_written}"
+        shutil.copytree(ORIGINAL, root)
+        if not dies(number, half_written, do):
+            break
+        deaths += 1
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what the runner prints
+        try:
+            found = list(faults(root))
+        except Exception as error:
+            found = [f"{type(error).__name__}: {error}"]
+        sys.stdout.flush()
+        os.dup2(terminal, 1)
+        for fault in found:
+            print(f"operation {number}, half-written {half_written}: {fault}", flush=True)
+        shutil.rmtree(root)
+print(deaths)

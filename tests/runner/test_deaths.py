@@ -1,0 +1,18 @@
+"""A run that dies, wherever: nothing is lost, nothing half-written is taken for a result."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+@pytest.mark.parametrize(("action", "at_least"), [("full", 60), ("quick", 20), ("store", 4)])
+def test_death_at_every_file_operation(finished, action, at_least):
+    script = Path(__file__).with_name("deaths.py")
+    command = [sys.executable, script, finished, action]
+    done = subprocess.run(command, check=False, capture_output=True, encoding="utf-8")
+    assert done.returncode == 0, done.stderr
+    *faults, deaths = done.stdout.splitlines()
+    assert faults == []
+    assert int(deaths) >= at_least
