@@ -57,7 +57,7 @@ def kernels(root):
 
 
 def finish(process):
-    out, error = process.communicate(timeout=60)
+    _, error = process.communicate(timeout=60)
     return process.returncode, error
 
 
