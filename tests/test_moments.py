@@ -407,7 +407,7 @@ def test_wrong_shapes_are_refused():
     mean, P = np.zeros((2, 2)), np.tile(np.eye(2), (2, 1, 1))
     with pytest.raises(ParameterError, match=r"parameters \(mu, s\) = \(1,\): must have the shape"):
         propagate(mean, P, 1.0, 0.1, None, [1.0])
-    with pytest.raises(ParameterError, match=r"states = .*shape \(runs, 2\)"):
+    with pytest.raises(ParameterError, match=r"mean = .*shape \(2, 2\) \(runs, 2\)"):
         propagate(np.zeros((2, 3)), P, 1.0, 0.1, None, [1.0, 1.0])
     with pytest.raises(ParameterError, match="step = 0: must be a finite number above 0"):
         propagate(mean, P, 1.0, 0, None, [1.0, 1.0])

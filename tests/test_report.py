@@ -280,7 +280,7 @@ def test_saved_picture_has_200_dots_per_inch_and_the_shown_one_half_as_many(repo
     assert sizes[1][:2] == (400, 640)
 
 
-def test_few_colours_keep_those_of_thin_lines(report, results):
+def test_few_colours_keep_those_of_thin_lines(report):
     # The hard case: thin lines in rare colours over a large shaded surface, which would
     # take every place of a palette that went by frequency.
     fig, axis = plt.subplots()
@@ -292,7 +292,7 @@ def test_few_colours_keep_those_of_thin_lines(report, results):
     whole = io.BytesIO()
     fig.savefig(whole, format="png", dpi=200)
     report.figure("B1", fig, "Lines over a map.")
-    path = results / "figure_B1.png"
+    path = report._folder / "figure_B1.png"
     saved = np.unique(image.imread(path)[..., :3].reshape(-1, 3), axis=0)
     nearest = np.abs(saved[:, None] - wanted).max(axis=2).min(axis=0)
     assert nearest.max() < 10 / 255
@@ -344,20 +344,21 @@ def test_what_is_printed_is_rounded(report, capsys):
     assert "1 reproduced; 1 partly; 0 not reproduced; 1 cannot be tested\n" in printed
 
 
-def test_older_results_are_removed(results):
+def test_older_results_stay_until_the_new_ones_are_complete(results):
     results.mkdir()
     (results / "figure_09.png").write_text("stale")
-    Report("9_tiny", scenario=Scenario(), seed=7)
-    assert list(results.iterdir()) == []
+    report = Report("9_tiny", scenario=Scenario(), seed=7)
+    assert [path.name for path in results.iterdir()] == ["figure_09.png"]
+    report.parameters([])
+    report.finish([])
+    assert not (results / "figure_09.png").exists()
+    assert (results / "claims.json").is_file()
 
 
 def test_by_hand_results_stay_below_build(monkeypatch):
     monkeypatch.delenv("SEANAV_RESULTS", raising=False)
-    folder = Report("9_by_hand_test", scenario=Scenario(), seed=7)._folder
-    try:
-        assert folder.parts[-3:] == ("build", "by_hand", "9_by_hand_test")
-    finally:
-        folder.rmdir()
+    report = Report("9_by_hand_test", scenario=Scenario(), seed=7)
+    assert report._results.parts[-3:] == ("build", "by_hand", "9_by_hand_test")
 
 
 # ---------------------------------------------------------------- refusals
