@@ -79,14 +79,17 @@ def _predicted(x):
     return theta, dv, f, after
 
 
-def _dense_transition(x, after, theta, f, r):
-    """I + F dt + F² dt²/2 of the 16 states of run r, from the dense error model."""
+def _dense_F(x, after, theta, f, r):
+    """F of the 18 states of run r at mid-interval, from the dense error model."""
     C = _matrix(after[4:8, r]) @ attitude.exp_so3(-0.5 * (theta[:, r] - x[11:14, r]))
     position = (0.5 * (x[0, r] + after[0, r]), 0.0, 0.0)
     v = np.r_[0.5 * (x[2:4, r] + after[2:4, r]), 0.0]
-    force = layout._three(f, layout.FORCE, r)
-    F = inertial.error_dynamics(position, v, C, force, 7200.0)
-    F = F[np.ix_(ins.KEPT, ins.KEPT)]
+    return inertial.error_dynamics(position, v, C, layout._three(f, layout.FORCE, r), 7200.0)
+
+
+def _dense_transition(x, after, theta, f, r):
+    """I + F dt + F² dt²/2 of the 16 states of run r."""
+    F = _dense_F(x, after, theta, f, r)[np.ix_(ins.KEPT, ins.KEPT)]
     F[layout.CURRENT :] = 0.0
     Phi = np.eye(16) + F + 0.5 * F @ F
     Phi[range(13, 16), range(13, 16)] = DECAY
@@ -102,16 +105,49 @@ def _column(f, column):
     return out[:, 0]
 
 
+def test_every_coefficient_is_its_entry_of_F():
+    # Relative to its own size: some are too small to be seen in a transition.
+    x = _nominal(3)
+    theta, _, f, after = _predicted(x)
+    places = {
+        name: [getattr(layout, name) for name in names]
+        for name, names in {
+            "phi, L": ("PHI_N_L", "PHI_E_L", "PHI_D_L"),
+            "phi, v": ("PHI_E_VN", "PHI_N_VE", "PHI_D_VE"),
+            "v, L": ("VN_L", "VE_L"),
+            "v, v": ("VN_VE", "VE_VN", "VE_VE"),
+            "p, p": ("LATITUDE_L", "LONGITUDE_L"),
+            "p, v": ("LATITUDE_VN", "LONGITUDE_VE"),
+            "C": ("C_N", "C_E", "C_D"),
+        }.items()
+    }
+    for r in range(LANES):
+        F = _dense_F(x, after, theta, f, r)
+        expected = {
+            "phi, L": F[6:9, 0],
+            "phi, v": (F[7, 3], F[6, 4], F[8, 4]),
+            "v, L": F[3:5, 0],
+            "v, v": (F[3, 4], F[4, 3], F[4, 4]),
+            "p, p": F[0:2, 0],
+            "p, v": (F[0, 3], F[1, 4]),
+        }
+        for name, values in expected.items():
+            got = [f[place + r] for place in places[name]]
+            assert got == pytest.approx(values, rel=1e-7), name
+        assert [layout._three(f, row, r) for row in places["C"]] == [
+            pytest.approx(row, rel=1e-4, abs=1e-5) for row in F[6:9, 12:15]
+        ]
+        # F_phi,phi = −[omega×]
+        assert layout._three(f, layout.OMEGA, r) == pytest.approx((F[7, 8], F[8, 6], F[6, 7]))
+
+
 def test_the_reference_has_the_transition_of_the_kernels():
     # Both go attitude, velocity, position; the rest is rounding.
     x = _nominal(3)
     theta, _, f, after = _predicted(x)
     unit = np.r_[[1e-6] * 2, [0.3] * 2, [1e-4] * 3, [5e-4] * 3, [1e-7] * 3, [0.5] * 3]
     for r in range(LANES):
-        C = _matrix(after[4:8, r]) @ attitude.exp_so3(-0.5 * (theta[:, r] - x[11:14, r]))
-        position = (0.5 * (x[0, r] + after[0, r]), 0.0, 0.0)
-        v = np.r_[0.5 * (x[2:4, r] + after[2:4, r]), 0.0]
-        F = inertial.error_dynamics(position, v, C, layout._three(f, layout.FORCE, r), 1.0)
+        F = _dense_F(x, after, theta, f, r)
         Phi = reference.transition(F, DECAY)[np.ix_(ins.KEPT, ins.KEPT)]
         for column in range(16):
             gap = (_column(f, column)[:, r] - Phi[:7, column]) * unit[column] / unit[:7]

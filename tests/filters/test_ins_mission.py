@@ -92,6 +92,8 @@ CASES = [
     *({"forms": [form, "none"], "cap": 1.2} for form in ("literal", "literal-gain")),
     {"forms": ["variance", "sigma"]},
     {"axes": 3, "forms": ["variance", "literal-gain"], "cap": 1.2},
+    # Below its cap the factor shows that residuals and variances are those of all axes.
+    {"axes": 3, "forms": ["variance", "sigma"], "cap": 50.0},
     {"axes": 2, "models": 1, "forms": ["none"]},
     *({"about": about} for about in ("relative velocity", "truth")),
 ]
