@@ -124,12 +124,14 @@ def test_interrupt_around_publication(finished, delay):
 
 def test_what_a_caller_ignores_stays_ignored(finished):
     command = [sys.executable, "-m", "seanav", "--root", str(finished), "list"]
-    script = "import os, signal, sys; signal.signal(signal.SIGHUP, signal.SIG_IGN)"
-    script += "; os.execv(sys.argv[1], sys.argv[1:])"
     process = subprocess.Popen(
-        [sys.executable, "-c", script, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        ["sh", "-c", "trap '' HUP; echo ready; exec \"$@\"", "sh", *command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
     )
+    assert process.stdout.readline() == "ready\n"
     while process.poll() is None:
         process.send_signal(signal.SIGHUP)
         time.sleep(0.05)
-    assert (process.communicate(), process.returncode) == ((b"9_tiny\n", b""), 0)
+    assert (process.communicate(), process.returncode) == (("9_tiny\n", ""), 0)

@@ -159,6 +159,7 @@ def _workplace(root, stem, mode):
         if free < ROOM:
             needs = f"{free // 2**20} MB are free, a run needs {ROOM // 2**20}"
             raise Refused(f"{stem}: {folder.name}/: {needs}")
+    (build / "home").mkdir(exist_ok=True)  # or IPython warns
     mend(root)
     try:
         with lock(build / "locks" / f"{mode}-{stem}", wait=False):
@@ -191,8 +192,8 @@ def _execute(root, stem, work, chosen, portable):
             kernel_name="python3",
             kernel_manager_class=_kernel(environment, work),
             progress_bar=bool(terminal),
-            # Without this every run warns that a kernel on this machine is not encrypted.
-            extra_arguments=["--log-level=ERROR"],
+            # Or it tells that it is not encrypted, and that it was interrupted at its end.
+            extra_arguments=["--log-level=CRITICAL"],
             cwd=root,
         )
         _demand_complete(root, book, work / stem, portable)
