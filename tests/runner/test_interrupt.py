@@ -14,16 +14,26 @@ from tiny import FINISH, REPORT, STUDY, cell, save, tree
 BUSY = "open('in_cell', 'w').close()\nimport time\ntime.sleep(60)"
 
 
-def start(root, *words):
-    """Start a run as a terminal does: a process group of its own."""
-    command = [sys.executable, "-m", "seanav", "--root", str(root), "run", *words]
-    return subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-        encoding="utf-8",
-    )
+@pytest.fixture
+def start():
+    """Start runs as a terminal does, each a process group of its own; none outlives the test."""
+    started = []
+
+    def start(root, *words):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "seanav", "--root", str(root), "run", *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+            encoding="utf-8",
+        )
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
 
 
 def wait_for(condition, seconds=60):
@@ -68,7 +78,7 @@ def busy(root):
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2])
-def test_interrupt_at_any_moment_of_the_way_in(busy, delay):
+def test_interrupt_at_any_moment_of_the_way_in(start, busy, delay):
     process = start(busy)
     wait_for(lambda: listens(process))
     time.sleep(delay)
@@ -78,7 +88,7 @@ def test_interrupt_at_any_moment_of_the_way_in(busy, delay):
     assert not (busy / "paper_figures/9_tiny").exists()
 
 
-def test_interrupt_as_soon_as_there_is_a_kernel(busy):
+def test_interrupt_as_soon_as_there_is_a_kernel(start, busy):
     process = start(busy)
     wait_for(lambda: kernels(busy))
     os.killpg(process.pid, signal.SIGINT)
@@ -95,7 +105,7 @@ def test_interrupt_as_soon_as_there_is_a_kernel(busy):
         (signal.SIGKILL, -9, ""),
     ],
 )
-def test_end_within_a_cell(busy, number, status, error):
+def test_end_within_a_cell(start, busy, number, status, error):
     process = start(busy)
     wait_for((busy / "in_cell").exists)
     os.killpg(process.pid, number)
@@ -110,7 +120,7 @@ def test_end_within_a_cell(busy, number, status, error):
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.01, 0.03, 0.1])
-def test_interrupt_around_publication(finished, delay):
+def test_interrupt_around_publication(start, finished, delay):
     before = tree(finished / "paper_figures")
     (finished / "build/full/9_tiny.ipynb").unlink()
     process = start(finished)
