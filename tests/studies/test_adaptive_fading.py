@@ -43,8 +43,17 @@ def outcomes():
         ({"Q_steering": [1e-5, 1e-5]}, "Q_steering = [1e-05, 1e-05]: must be a list of 3 values"),
         (
             {"Q_steering": [1e-5, 1e-5, 0.0]},
-            "Q_steering = [1e-05, 1e-05, 0.0]: must be above 0 for every measured state",
+            "Q_steering = [1e-05, 1e-05, 0.0]: must be above 0 for v, r, psi, which are",
         ),
+        (
+            {"Q_steering": [0.0, 1e-5, 1e-5], "measured_steering": ["r", "psi"]},
+            "Q_steering = [0.0, 1e-05, 1e-05]: must be above 0 for v, r, psi, which are measured",
+        ),
+        (
+            {"Q_diving": [0.0, 1e-5, 1e-5, 1e-5], "measured_diving": ["w", "z"]},
+            "Q_diving = [0.0, 1e-05, 1e-05, 1e-05]: must be above 0 for w, z, which are measured",
+        ),
+        ({"dt": 3.0, "discretisation": "exact"}, "dt = 3.0: must be a finite number above 0 and"),
         ({"Q_diving": 1e-5}, "Q_diving = 1e-05: must be a list of 4 values"),
         ({"R_diving": [1e-4, 1e-4, 1e-4, 0.0]}, "R_diving = 0.0: must be a finite number above 0"),
         ({"dt": 1e-9}, "dt = 1e-09: must be at least 0.005 s: 20000 steps at most"),

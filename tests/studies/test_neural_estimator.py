@@ -19,7 +19,7 @@ SMALL = Scenario(runs=4, hidden=6, max_epochs=20, reteach_epochs=3, steps=70)
         ("hidden", 2.5, "integer of at least 1"),
         ("w1", 1.01, "at least 0 and at most 1"),
         ("w1", -0.1, "at least 0 and at most 1"),
-        ("pairs", 0, "integer of at least 1"),
+        ("pairs", 1, "integer of at least 2"),
         ("delta", 0.0, "above 0"),
         ("delta", -0.001, "above 0"),
         ("steps", 40, "must exceed settle . pairs = 40: no examination is left"),
@@ -40,6 +40,16 @@ def test_scenario_names_what_is_wrong(name, value, allowed):
         Scenario(**{name: value})
     assert str(error.value).startswith(f"{name} = ")
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "size"), [("steps", 10_000), ("hidden", 1000), ("max_epochs", 50_000)]
+)
+def test_what_all_runs_hold_in_memory_is_bounded(name, size):
+    most = 20_000_000 // size
+    Scenario(**{name: size, "runs": most})
+    with pytest.raises(checks.ParameterError, match=rf"^{name} = {size}: must be at most \d+ with"):
+        Scenario(**{name: size, "runs": most + 1})
 
 
 def test_courses_have_the_stated_speeds_and_turns():

@@ -12,7 +12,15 @@ NOTEBOOKS = Path(__file__).resolve().parents[2] / "notebooks"
 
 # Every option of every choice, and lists of one entry, unsorted, and off the printed points.
 IMM = {"runs": 2, "duration_s": 600.0}
+NEURAL = {"runs": 4, "max_epochs": 20, "hidden": 10, "hidden_sizes": [10, 5], "w1": 0.3}
+FADING = {"runs": 4, "settings": 6, "sweep_runs": 4}
 CASES = {
+    ("2_neural_estimator", "short"): NEURAL | {"steps": 60, "settle": 5, "pairs": 2},
+    ("2_neural_estimator", "one entry"): NEURAL
+    | {"steps": 90, "hidden_sizes": [10], "weights": [0.5], "intervals": [2]},
+    ("3_adaptive_fading", "two measured"): FADING | {"measured_steering": ["r", "psi"]},
+    ("3_adaptive_fading", "one measured"): FADING
+    | {"measured_steering": ["r"], "measured_diving": ["z"]},
     ("4_imm_sea_current", "literal"): IMM
     | {"fading_form": "literal", "sigma_filter": [0.5], "trajectory": "circle", "log_axes": 3},
     ("4_imm_sea_current", "literal-gain"): IMM

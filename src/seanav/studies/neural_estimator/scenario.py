@@ -10,7 +10,7 @@ STEP = 3.0  # s, twenty steps a minute
 COURSES = ("steady", "one turn", "two turns", "turn while teaching", "zigzag")
 VARIANTS = ("frozen", "re-taught", "self-taught", "hybrid")
 INPUTS = ("measurement", "estimate")
-MOST = 20_000_000  # runs times steps, and runs times neurons: what is stored fits in a few GB
+MOST = 20_000_000  # runs times steps, neurons or epochs: what is stored fits in a few GB
 
 _WEIGHT = Number(at_least=0, at_most=1)
 _NEURONS = Integer(1, 2000)
@@ -37,7 +37,7 @@ class Scenario(Parameters):
     )
     settle: int = parameter(20, Integer(1), unit="steps", origin="text", note="stage 1")
     pairs: int = parameter(
-        20, Integer(1), unit="steps", origin="text", note="teaching pairs, stage 2"
+        20, Integer(2), unit="steps", origin="text", note="teaching pairs, stage 2"
     )
     noise: float = parameter(
         0.3, Number(above=0), unit="m/s", origin="assumed", note="per component"
@@ -119,6 +119,7 @@ class Scenario(Parameters):
             ("steps", self.steps),
             ("hidden", self.hidden),
             ("hidden_sizes", max(self.hidden_sizes)),
+            ("max_epochs", self.max_epochs),
         ):
             if size * self.runs > MOST:
                 allowed = f"must be at most {MOST // self.runs} with {self.runs} runs"
