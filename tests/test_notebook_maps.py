@@ -116,9 +116,9 @@ def check(results):
 @pytest.mark.parametrize("kind", SOURCES)
 def test_every_cell_runs_on(kind, tmp_path, monkeypatch):
     # In this process and with coarse pictures: most of a run's time goes into fine ones.
-    def coarse(figure, path, **_):
-        if path.suffix == ".png":
-            save(figure, path, dpi=20)
+    def coarse(figure, file, **options):
+        if options.get("format") == "png":
+            save(figure, file, format="png", dpi=20)
 
     save = Figure.savefig
     monkeypatch.setattr(Figure, "savefig", coarse)

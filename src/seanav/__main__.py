@@ -116,4 +116,7 @@ def _claims(root, given):
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    finally:
+        _process.finished()

@@ -74,6 +74,12 @@ def install() -> None:
         stream.reconfigure(encoding="utf-8", errors="backslashreplace")
 
 
+def finished() -> None:
+    """Let nothing interrupt what is done: Python gives up its handlers before it is gone."""
+    for number in _ENDS:
+        signal.signal(number, signal.SIG_IGN)
+
+
 def _end(number, frame):
     global _postponed
     if _starting:
