@@ -20,14 +20,18 @@ from seanav.__main__ import words
 PACKAGES = Path(pytest.__file__).parents[1]
 
 
-def make(root, *arguments, **settings):
-    """Call make as from a shell of its own, not as from the make that runs the tests."""
+def surroundings():
+    """Return those of a shell of its own, not those of the make that runs the tests."""
     ours = ("MAKE", "MFLAGS", "PYTHON", "PIP_", "PAPER", "QUICK", "PARAMS", "SEANAV_")
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(ours)}
+    return {name: value for name, value in os.environ.items() if not name.startswith(ours)}
+
+
+def make(root, *arguments, **settings):
+    """Call make as from a shell of its own."""
     return subprocess.run(
         ["make", *arguments],
         cwd=root,
-        env=clean | {name: str(value) for name, value in settings.items()},
+        env=surroundings() | {name: str(value) for name, value in settings.items()},
         check=False,
         capture_output=True,
         text=True,
@@ -359,17 +363,17 @@ def test_default_interpreter_is_that_of_the_environment(root):
 def test_second_make_waits_for_the_environment(root):
     (root / "requirements.lock").write_text("")
     (root / "build").mkdir()
+    command = ["make", ".venv", f"PYTHON={sys.executable}"]
+    options = {"cwd": root, "env": surroundings(), "stdout": subprocess.PIPE, "text": True}
     with (root / "build/environment.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        second = subprocess.Popen(
-            ["make", ".venv", f"PYTHON={sys.executable}"],
-            cwd=root,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert second.stdout.readline() == "waiting for another make that builds .venv\n"
-        borrow(root)
-    assert second.communicate()[0] == ""  # the first one's stands
+        with subprocess.Popen(command, **options) as second:
+            said = second.stdout.readline()
+            borrow(root)
+            fcntl.flock(lock, fcntl.LOCK_UN)
+            rest = second.stdout.read()
+    assert said == "waiting for another make that builds .venv\n"
+    assert rest == ""  # the first one's stands
     assert second.returncode == 0
 
 
