@@ -97,9 +97,11 @@ ifneq ($(PAPERS),)
 endif
 	$(SEANAV) check
 
-lint: .venv ## style and docstrings
+lint: .venv ## style, docstrings, types, and who may import whom
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --cache-dir build/lint/imports
+	$(BIN)/mypy --cache-dir build/lint/types
 
 format: .venv ## mend the style
 	$(BIN)/ruff check --fix .

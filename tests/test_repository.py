@@ -2,6 +2,7 @@
 
 import ast
 import hashlib
+import importlib
 import importlib.util
 import json
 import os
@@ -16,73 +17,28 @@ import pytest
 
 from seanav import runner
 from seanav.report import VERDICTS
-from seanav.runner import imports
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "seanav"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 NOTEBOOKS = [ROOT / "notebooks" / f"{stem}.ipynb" for stem in runner.papers(ROOT)]
 
-# ---------------------------------------------------------------- imports run downward
-
-# What a module of each folder, or at the top, may import from the package.
-LOWER = {
-    "models": {"_compile", "checks", "models"},
-    "filters": {"_compile", "checks", "models", "filters"},
-    "studies": {
-        *("_compile", "checks", "models", "filters", "studies", "montecarlo", "report"),
-        *("scenario", "estimates", "plots"),
-    },
-    "_compile": set(),
-    "checks": set(),
-    "environment": set(),
-    "montecarlo": {"checks"},
-    "estimates": {"checks"},
-    "scenario": {"checks"},
-    "plots": {"estimates"},
-    "_files": set(),
-    "_process": set(),
-    "report": {"_files", "checks", "estimates", "scenario"},
-    "runner": {"_files", "_process", "checks", "report", "runner"},
-    "__main__": {"_process", "report", "runner"},
-    "__init__": set(),
-}
-
-
-def upward(layer, source, package):
-    """Return what `source` imports from the package although its layer may not."""
-    parts = [name.split(".") for name in imports(source, package)]
-    used = {part[1] for part in parts if part[0] == "seanav" and len(part) > 1}
-    return used - LOWER[layer]
+# ---------------------------------------------------------------- layers
 
 
 def modules():
     for path in SOURCES:
-        parts = path.relative_to(PACKAGE).with_suffix("").parts
-        yield path, parts[0], ".".join(["seanav", *parts[:-1]])
-
-
-def test_imports_run_downward():
-    for path, layer, package in modules():
-        assert not upward(layer, path.read_text(), package), path
-
-
-@pytest.mark.parametrize(
-    "line",
-    ["from seanav.studies import a", "import seanav.filters.b", "from ..filters import b"],
-)
-def test_upward_imports_are_seen(line):
-    assert upward("models", f"def late():\n    {line}", "seanav.models")
+        yield path, path.relative_to(PACKAGE).with_suffix("").parts[0]
 
 
 def test_no_study_is_known_to_the_machinery():
-    for path, layer, _ in modules():
+    for path, layer in modules():
         if layer not in ("models", "filters", "studies"):
             assert not re.search(r"gravity|fading|current|neural|ito", path.read_text()), path
 
 
 def test_kernels_are_only_where_the_cache_key_looks():
-    for path, layer, _ in modules():
+    for path, layer in modules():
         kernels = {
             ast.unparse(decorator)
             for node in ast.walk(ast.parse(path.read_text()))
@@ -214,6 +170,13 @@ def faults(book):
 def test_stored_notebooks_are_in_form():
     for path in NOTEBOOKS:
         assert faults(nbformat.read(path, as_version=4)) == [], path.name
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_parameters_are_those_that_the_study_declares(path):
+    study = importlib.import_module(f"seanav.studies.{path.stem.partition('_')[2]}.scenario")
+    cell = runner.parameters_cell(nbformat.read(path, as_version=4))
+    assert cell.source == study.Scenario.cell()  # python -m seanav cells
 
 
 def good_notebook():

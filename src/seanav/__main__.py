@@ -8,6 +8,7 @@ if __name__ == "__main__":
     _process.install()  # before anything slow: an end may come while libraries are loaded
 
 import argparse
+import importlib
 import re
 from pathlib import Path
 
@@ -57,8 +58,9 @@ def _parser():
     check = command(_check, "compare fresh results with the committed ones")
     check.add_argument("--fresh", action=_Once, type=Path, help="default: build/nbval")
     check.add_argument("--rtol", action=_Once, type=float, default=1e-6, help="%(default)g")
+    cells = command(_cells, "write the parameters cells as src/seanav/studies/ declares them")
     claims = command(_claims, "list the claims and their verdicts")
-    for of_papers in (run, store, claims):
+    for of_papers in (run, store, cells, claims):
         of_papers.add_argument("--paper", **several, help="numbers or names; default: all")
     return parser
 
@@ -104,6 +106,15 @@ def _check(root, given):
     print("\n".join(wrong), file=sys.stderr, end="\n" if wrong else "")
     print(f"{len(runner.papers(root))} papers checked, {len(wrong)} differences")
     return 1 if wrong else 0
+
+
+def _cells(root, given):
+    for stem in runner.papers(root, given.paper):
+        name = stem.partition("_")[2]
+        scenario = importlib.import_module(f"seanav.studies.{name}.scenario").Scenario
+        if runner.declare(root, stem, scenario.cell()):
+            print(f"notebooks/{stem}.ipynb: new parameters cell")
+    return 0
 
 
 def _claims(root, given):

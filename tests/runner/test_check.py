@@ -123,6 +123,16 @@ def test_list_and_claims(finished, capsys):
     assert lines[-1].startswith("9.1 reproduced: the mean | is positive (")
 
 
+def test_a_parameters_cell_is_written_as_declared(finished):
+    before = runner.notebook(finished, "9_tiny")
+    assert not runner.declare(finished, "9_tiny", runner.parameters_cell(before).source)
+    assert runner.declare(finished, "9_tiny", "runs = 7\nquick = False")
+    after = runner.notebook(finished, "9_tiny")
+    assert runner.defaults(after) == {"runs": 7, "quick": False}
+    changed = [a != b for a, b in zip(before.cells, after.cells, strict=True)]
+    assert changed.count(True) == 1
+
+
 def test_nbval_is_strict_and_takes_what_is_stored(finished):
     runner.store(finished, "9_tiny")
     # Another number, output of another kind, more output, an error.

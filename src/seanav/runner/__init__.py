@@ -1,7 +1,15 @@
 """Run notebooks strictly, publish their results as a whole, and compare them later."""
 
 from seanav.runner.check import check
-from seanav.runner.checkout import Refused, claims, manifest, notebook, papers
+from seanav.runner.checkout import (
+    Refused,
+    claims,
+    declare,
+    manifest,
+    notebook,
+    papers,
+    parameters_cell,
+)
 from seanav.runner.publish import dependencies, imports, mend, publish, store, summary
 from seanav.runner.run import defaults, overrides, parameters, run
 
@@ -9,6 +17,7 @@ __all__ = [
     "Refused",
     "check",
     "claims",
+    "declare",
     "defaults",
     "dependencies",
     "imports",
@@ -18,6 +27,7 @@ __all__ = [
     "overrides",
     "papers",
     "parameters",
+    "parameters_cell",
     "publish",
     "run",
     "store",

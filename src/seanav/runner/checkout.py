@@ -12,6 +12,8 @@ from pathlib import Path
 
 import nbformat
 
+from seanav._files import write
+
 
 class Refused(Exception):
     """A run, a store or a comparison that did not succeed; the message is one line."""
@@ -36,6 +38,25 @@ def papers(root: Path, picks: str | Iterable[str] | None = None) -> list[str]:
 def notebook(root: Path, stem: str) -> nbformat.NotebookNode:
     """Return the notebook of a paper."""
     return nbformat.read(root / "notebooks" / f"{stem}.ipynb", as_version=4)
+
+
+def parameters_cell(book: nbformat.NotebookNode) -> nbformat.NotebookNode:
+    """Return the one cell that is tagged ``parameters``, or raise `Refused`."""
+    cells = [cell for cell in book.cells if "parameters" in cell.metadata.get("tags", [])]
+    if len(cells) != 1:
+        raise Refused(f"{len(cells)} cells are tagged 'parameters', must be exactly one")
+    return cells[0]
+
+
+def declare(root: Path, stem: str, source: str) -> bool:
+    """Make `source` the parameters cell of a paper's notebook; return whether it was another."""
+    book = notebook(root, stem)
+    cell = parameters_cell(book)
+    other = cell.source != source
+    if other:
+        cell.source = source
+        write(root / "notebooks" / f"{stem}.ipynb", nbformat.writes(book) + "\n")
+    return other
 
 
 def manifest(root: Path) -> dict:

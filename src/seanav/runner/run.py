@@ -17,7 +17,7 @@ import nbformat
 from seanav import _process
 from seanav._files import Busy, lock, place, remove
 from seanav.checks import ParameterError
-from seanav.runner.checkout import Refused, notebook
+from seanav.runner.checkout import Refused, notebook, parameters_cell
 from seanav.runner.publish import keep, mend, publish, stderr
 
 # ---------------------------------------------------------------- parameters
@@ -25,12 +25,9 @@ from seanav.runner.publish import keep, mend, publish, stderr
 
 def defaults(book: nbformat.NotebookNode) -> dict:
     """Return name and default of every parameter: the literals of the one tagged cell."""
-    cells = [c for c in book.cells if "parameters" in c.metadata.get("tags", [])]
-    if len(cells) != 1:
-        raise Refused(f"{len(cells)} cells are tagged 'parameters', must be exactly one")
     found = {}
     try:
-        lines = ast.parse(cells[0].source).body
+        lines = ast.parse(parameters_cell(book).source).body
     except SyntaxError as error:
         raise Refused(f"parameters cell: {error.msg} in line {error.lineno}") from None
     for line in lines:
