@@ -127,7 +127,7 @@ lock: .venv ## resolve requirements.lock anew from pyproject.toml, for all platf
 	mv build/requirements.lock requirements.lock
 
 bench: .venv ## time the kernels against the targets
-	@for file in $(sort $(wildcard benchmarks/*.py)); do $(BIN)/python $$file || exit 1; done
+	@for file in $(sort $(wildcard benchmarks/bench_*.py)); do $(BIN)/python $$file || exit 1; done
 
 book: .venv ## the notebooks and the report as web pages, into build/book/
 	$(BIN)/python book/build.py

@@ -1,24 +1,12 @@
 """Speed of paper 3: filter steps, the main comparison, the sweep. Nothing passes or fails."""
 
-import time
-
 import numpy as np
 from filterpy.kalman import KalmanFilter
+from timing import best_of
 
 from seanav.filters import adaptive, kalman
 from seanav.studies.adaptive_fading import beyond, run
 from seanav.studies.adaptive_fading.scenario import Scenario
-
-
-def best_of(function, repeats=5):
-    """Return the least wall and CPU time of several calls, s; the first call compiles."""
-    function()
-    times = []
-    for _ in range(repeats):
-        wall, cpu = time.perf_counter(), time.process_time()
-        function()
-        times.append((time.perf_counter() - wall, time.process_time() - cpu))
-    return tuple(min(column) for column in zip(*times, strict=True))
 
 
 def filterpy_steps(case, z, rows):

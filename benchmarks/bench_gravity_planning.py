@@ -6,23 +6,12 @@ reader would write first.
 
 import heapq
 import resource
-import time
 
 import numpy as np
+from timing import best_of
 
 from seanav.filters import labels, matching
 from seanav.studies import gravity_planning as study
-
-
-def best_of(function, repeats=5):
-    """Return the least wall and CPU time of several calls, s; the first call compiles."""
-    function()
-    times = []
-    for _ in range(repeats):
-        wall, cpu = time.perf_counter(), time.process_time()
-        function()
-        times.append((time.perf_counter() - wall, time.process_time() - cpu))
-    return tuple(min(column) for column in zip(*times, strict=True))
 
 
 def plain_astar(gradient, start, goal, sigma, P0, rate, spacing, speed):

@@ -7,15 +7,16 @@ turns. `python benchmarks/bench_imm_sea_current.py short` leaves the whole sweep
 import resource
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
+import attrs
 import numpy as np
 from filterpy.kalman import IMMEstimator, KalmanFilter
 from matplotlib.figure import Figure
 
-from seanav.studies import imm_linear
-from seanav.studies import imm_sea_current as study
+from seanav.filters import ins
+from seanav.studies.imm_sea_current import linear, run
+from seanav.studies.imm_sea_current.scenario import Scenario
 
 TURNS, STEPS = 5, 400
 
@@ -29,11 +30,11 @@ def cpu(function):
 
 def theirs(scenario, sigma):
     """Return filterpy's 18-state filter."""
-    Phi, H = imm_linear.model(scenario.path(), scenario.correlation_time_s)
+    Phi, H = linear.model(scenario.path(), scenario.correlation_time_s)
     one = KalmanFilter(dim_x=18, dim_z=1)
     one.F, one.H, one.R = Phi[0], H[0][None], np.array([[scenario.log_noise**2]])
-    one.Q = np.diag(imm_linear.process_noise(scenario, 1e-4 * sigma**2))
-    one.P = imm_linear.believed_start(scenario, sigma) + 1e-18 * np.eye(18)
+    one.Q = np.diag(linear.process_noise(scenario, 1e-4 * sigma**2))
+    one.P = linear.believed_start(scenario, sigma) + 1e-18 * np.eye(18)
     return one
 
 
@@ -47,12 +48,12 @@ def steps(filter_):
 
 def main():
     """Print the figures."""
-    scenario = study.Scenario()
-    sensors = study.sense(scenario, 0)
+    scenario = Scenario()
+    sensors = run.sense(scenario, 0)
     ours = {
-        "EKF": (study.EKF(0.1), 1.5),
-        "AFEKF": (study.AFEKF(scenario, 0.1), 1.5),
-        "IMM of two AFEKFs": (study.AFEKF(scenario, 0.1, 0.5), 4.0),
+        "EKF": (run.EKF(0.1), 1.5),
+        "AFEKF": (run.AFEKF(scenario, 0.1), 1.5),
+        "IMM of two AFEKFs": (run.AFEKF(scenario, 0.1, 0.5), 4.0),
     }
     pair = [theirs(scenario, 0.1), theirs(scenario, 0.5)]
     chain = np.array(scenario.transition)
@@ -61,12 +62,12 @@ def main():
         "filterpy IMM of two": IMMEstimator(pair, np.array([0.5, 0.5]), chain),
     }
     for filter_, _ in ours.values():
-        study.fly(scenario, sensors, filter_, 0.5)  # compiles
-    missions = study.LANES * scenario.duration_s
+        run.fly(scenario, sensors, filter_, 0.5)  # compiles
+    missions = ins.LANES * scenario.duration_s
     best = dict.fromkeys([*ours, *references], np.inf)
     for _ in range(TURNS):
         for name, (filter_, _) in ours.items():
-            spent = cpu(lambda f=filter_: study.fly(scenario, sensors, f, 0.5)) / missions
+            spent = cpu(lambda f=filter_: run.fly(scenario, sensors, f, 0.5)) / missions
             best[name] = min(best[name], spent)
         for name, filter_ in references.items():
             best[name] = min(best[name], cpu(lambda f=filter_: steps(f)) / STEPS)
@@ -79,8 +80,8 @@ def main():
 
     counts, spent = (16, 32, 64, 128), []
     for runs in counts:
-        some = replace(scenario, runs=runs, duration_s=600.0)
-        spent.append(cpu(lambda s=some: study.fly_all(s, [(study.EKF(0.1), 0.5)], threads=1)))
+        some = attrs.evolve(scenario, runs=runs, duration_s=600.0)
+        spent.append(cpu(lambda s=some: run.fly_all(s, [(run.EKF(0.1), 0.5)], threads=1)))
     figure = Figure(layout="constrained")
     axis = figure.add_subplot(xlabel="runs", ylabel="CPU time (s)", title="ten-minute missions")
     axis.plot(counts, spent, "o-")
@@ -92,7 +93,7 @@ def main():
 
     if "short" not in sys.argv:
         start, wall = time.process_time(), time.perf_counter()
-        results = study.sweep(scenario)
+        results = run.sweep(scenario)
         start, wall = time.process_time() - start, time.perf_counter() - wall
         flown = sum(name.startswith("IMM") + 1 for name in results if not name.startswith("pure"))
         flown *= len(scenario.sigma_true) * scenario.runs

@@ -11,6 +11,7 @@ import sys
 import time
 
 import numpy as np
+from timing import best_of
 
 from seanav.filters import moments
 from seanav.models import bodies
@@ -28,17 +29,6 @@ for closure in moments.CLOSURES:
     moments.close(model, closure)
 print(time.process_time() - start)
 """
-
-
-def best_of(function, repeats=20):
-    """Return the least wall and CPU time of several calls, s; the first call compiles."""
-    function()
-    times = []
-    for _ in range(repeats):
-        wall, cpu = time.perf_counter(), time.process_time()
-        function()
-        times.append((time.perf_counter() - wall, time.process_time() - cpu))
-    return tuple(min(column) for column in zip(*times, strict=True))
 
 
 def starts():

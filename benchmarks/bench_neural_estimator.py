@@ -3,28 +3,17 @@
 Ratios are taken between things that ran in this one process.
 """
 
-import time
 import warnings
 
 import attrs
 import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
+from timing import best_of
 
 from seanav.filters import neural
 from seanav.studies.neural_estimator import run
 from seanav.studies.neural_estimator.scenario import Scenario
-
-
-def best_of(function, repeats=3):
-    """Return the least wall and CPU time of several calls, s; the first call compiles."""
-    function()
-    times = []
-    for _ in range(repeats):
-        wall, cpu = time.perf_counter(), time.process_time()
-        function()
-        times.append((time.perf_counter() - wall, time.process_time() - cpu))
-    return tuple(min(column) for column in zip(*times, strict=True))
 
 
 def scikit_learn(scenario, x, t):

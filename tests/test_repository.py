@@ -5,8 +5,10 @@ import hashlib
 import importlib
 import importlib.util
 import json
+import inspect
 import os
 import re
+import runpy
 import shutil
 import subprocess
 from collections import Counter
@@ -249,6 +251,16 @@ def test_book_folds_the_solutions_and_nothing_else():
     notebook.cells[1].metadata.update(tags=["solution"], jupyter={"source_hidden": True})
     (folded,) = re.findall(r"<details.*?</details>", book.chapter(notebook), re.S)
     assert re.search(r'<span class="n">b</span>', folded)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "benchmarks").glob("*.py")), ids=lambda p: p.stem)
+def test_benchmarks_find_what_they_time(path, monkeypatch):
+    monkeypatch.syspath_prepend(str(path.parent))
+    tree, found = ast.parse(path.read_text(encoding="utf-8")), runpy.run_path(str(path))
+    modules = {n: v for n, v in found.items() if inspect.ismodule(v)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            assert node.value.id not in modules or hasattr(modules[node.value.id], node.attr)
 
 
 def test_make_help_lists_every_target():
