@@ -265,6 +265,25 @@ def test_files_are_byte_identical_on_a_rerun(results, monkeypatch):
     assert once("1000000000") == once("1700000000")
 
 
+def test_a_picture_is_the_same_if_the_last_digits_of_its_numbers_are_not(results):
+    def drawn(noise):
+        report = Report("9_tiny", scenario=Scenario(), seed=7)
+        fig, (left, right) = plt.subplots(1, 2)
+        x = np.linspace(0.1, 7, 400)
+        y = np.exp(np.sin(x)) * (1 + noise * np.cos(9 * x))
+        left.plot(x, y, "o-", label="line")
+        left.fill_between(x, y - 1, y + 1)
+        right.contour(np.outer(y, y))
+        right.scatter(x, y)
+        left.axhline(y.mean())
+        left.legend()
+        report.figure(1, fig, "a")
+        return [path.read_bytes() for path in sorted(report._folder.glob("figure*"))]
+
+    assert drawn(0.0) == drawn(3e-12)
+    assert drawn(0.0) != drawn(3e-4)
+
+
 def test_pictures_do_not_name_the_program_that_drew_them(report, results):
     fill(report)
     for path in results.glob("figure_*"):

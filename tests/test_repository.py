@@ -4,8 +4,8 @@ import ast
 import hashlib
 import importlib
 import importlib.util
-import json
 import inspect
+import json
 import os
 import re
 import runpy

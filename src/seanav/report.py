@@ -24,9 +24,11 @@ from IPython.display import Image
 from matplotlib import pyplot as plt
 
 from seanav._files import lock, place, write
+from seanav._pictures import palette_png, rounded
 from seanav.estimates import Estimate
 from seanav.scenario import ORIGINS
 
+SHOWN_DPI = 100  # of the picture in the notebook; the saved one has twice as many
 VERDICTS = ("reproduced", "partly", "not reproduced", "cannot be tested")
 
 # ---------------------------------------------------------------- numbers as text
@@ -183,21 +185,6 @@ def agrees(printed: float, ours: Estimate, paper_runs_se: float | None = None) -
     return abs(math.log(ours.value / printed)) <= 2.0 * se
 
 
-# ---------------------------------------------------------------- pictures
-
-SHOWN_DPI = 100  # of the picture in the notebook; the saved one has twice as many
-
-
-def _palette_png(picture, dpi) -> bytes:
-    # A third of the bytes of full colour. This method keeps rare colours, such as those of
-    # thin lines: no pixel is off by more than a few of 255 levels.
-    method, dither = PIL.Image.Quantize.MAXCOVERAGE, PIL.Image.Dither.NONE
-    text = io.BytesIO()
-    few = picture.quantize(256, method=method, dither=dither)
-    few.save(text, "PNG", optimize=True, dpi=(dpi, dpi))
-    return text.getvalue()
-
-
 # ---------------------------------------------------------------- the report
 
 
@@ -268,6 +255,7 @@ class Report:
         notebook holds the smaller picture: hosting services show no large notebooks.
         """
         png, drawn = self._new("figure", number, ".png"), io.BytesIO()
+        rounded(fig)
         dates = dict.fromkeys(("Creator", "Producer", "CreationDate"))
         with warnings.catch_warnings():
             # Says only that a busy machine took over a second to place a legend.
@@ -278,9 +266,9 @@ class Report:
         plt.close(fig)
         with PIL.Image.open(drawn) as picture:
             whole = picture.convert("RGB")
-        png.write_bytes(_palette_png(whole, 2 * SHOWN_DPI))
+        png.write_bytes(palette_png(whole, 2 * SHOWN_DPI))
         print(f"Figure {number}. {caption}")
-        small = _palette_png(whole.reduce(2), SHOWN_DPI)
+        small = palette_png(whole.reduce(2), SHOWN_DPI)
         return Image(small, format="png", width=width, alt=caption)
 
     def table(self, number: int | str, columns: list[str], rows: list, caption: str) -> None:
