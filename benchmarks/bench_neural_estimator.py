@@ -11,7 +11,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 from timing import best_of
 
-from seanav.filters import neural
+from seanav.filters import blended, neural
 from seanav.studies.neural_estimator import run
 from seanav.studies.neural_estimator.scenario import Scenario
 
@@ -46,7 +46,7 @@ def main():
     one = attrs.evolve(scenario, runs=2)
     alone = run.first_teaching(one, z[:1], teacher[:1])[0].network
     points = np.ascontiguousarray(np.moveaxis(z[:1], 0, -1))
-    K, _ = neural.gains(scenario.q, scenario.R, scenario.R, scenario.steps)
+    K, _ = blended.gains(scenario.q, scenario.R, scenario.R, scenario.steps)
     rows = [
         ("teach 300 networks, H = 100", 5.0, lambda: run.first_teaching(scenario, z, teacher)),
         (
@@ -59,7 +59,7 @@ def main():
         (
             "numerical filter, one run, 200 steps",
             None,
-            lambda: neural.estimate(z[:1], K, 0.3, start),
+            lambda: blended.estimate(z[:1], K, 0.3, start),
         ),
     ]
     print(f"{'what':40} {'wall (s)':>10} {'CPU (s)':>10} {'target (s)':>11}")

@@ -33,7 +33,7 @@ from numba.core.dispatcher import Dispatcher
 import seanav.filters
 import seanav.models
 from seanav import checks, montecarlo
-from seanav.filters import adaptive, imm, ins, kalman, linear_covariance, neural
+from seanav.filters import adaptive, blended, imm, ins, kalman, linear_covariance, neural
 from seanav.models import attitude, currents, earth, inertial, trajectories, vehicles
 
 # ---------------------------------------------------------------- the table
@@ -168,7 +168,7 @@ _STEADY = {"z": _random(3, 6, 2), "K": np.full(6, 0.3), "x0": _random(3, 2)}
 
 ROWS = [
     Row(kalman.run, _kalman()),
-    Row(kalman.steady_covariance, _pick(_kalman(), "Phi", "H", "Q", "R")),
+    Row(linear_covariance.steady_covariance, _pick(_kalman(), "Phi", "H", "Q", "R")),
     Row(kalman.nees, {"errors": _random(3, 4, 2), "P": np.ones((3, 4, 1, 1)) * np.eye(2)}),
     Row(
         adaptive.run,
@@ -192,15 +192,15 @@ ROWS = [
     Row(ins.unpack, {"P": _random(ins.PACKED, 3)}, free=(("P", 1),)),
     Row(linear_covariance.design, _linear() | {"P0": np.eye(2)}),
     Row(linear_covariance.achieve, _linear() | {"M0": np.eye(2), "gains": _random(3, 2)}),
-    Row(neural.gains, {"q": 0.1, "R": 0.2, "P0": 0.3, "steps": 5}),
-    Row(neural.steady_gain, {"q": 0.1, "R": 0.2}),
-    Row(neural.estimate, _STEADY | {"w1": 0.3, "innovation": "blended"}),
-    Row(neural.estimate, _STEADY | {"w1": np.full((3, 6), 0.3)}),
+    Row(blended.gains, {"q": 0.1, "R": 0.2, "P0": 0.3, "steps": 5}),
+    Row(blended.steady_gain, {"q": 0.1, "R": 0.2}),
+    Row(blended.estimate, _STEADY | {"w1": 0.3, "innovation": "blended"}),
+    Row(blended.estimate, _STEADY | {"w1": np.full((3, 6), 0.3)}),
     Row(
-        neural.manoeuvre_weight,
+        blended.manoeuvre_weight,
         _STEADY | {"P": np.full(6, 0.1), "R": 0.2, "q": 0.1, "memory": 2, "threshold": 9.0},
     ),
-    Row(neural.steady_variance, {"K": 0.3, "w1": 0.2, "R": 0.2}),
+    Row(blended.steady_variance, {"K": 0.3, "w1": 0.2, "R": 0.2}),
     Row(neural.scale, {"v": _random(4, 2)}, free=(("v", ...),)),
     Row(neural.unscale, {"s": _random(4, 2)}, free=(("s", ...),)),
     Row(_draw, {"hidden": 4, "spread": 0.5}, name="filters.neural.random_network"),

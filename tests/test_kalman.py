@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from seanav.checks import ParameterError
-from seanav.filters import kalman
+from seanav.filters import kalman, linear_covariance
 from seanav.models import vehicles
 
 
@@ -77,7 +77,7 @@ def test_equals_batch_least_squares_on_twenty_steps():
 def test_covariance_settles_at_the_riccati_solution():
     problem, _ = example(steps=400, m=2)
     Phi, _, H, Q, R = problem[:5]
-    before, after = kalman.steady_covariance(Phi, H, Q, R)
+    before, after = linear_covariance.steady_covariance(Phi, H, Q, R)
     track = kalman.run(*problem)
     np.testing.assert_allclose(track.P[0, -1], after, rtol=1e-8)
     np.testing.assert_allclose(Phi @ track.P[0, -2] @ Phi.T + Q, before, rtol=1e-8)

@@ -7,7 +7,7 @@ from scipy.special import expit
 from sklearn.neural_network import MLPRegressor
 
 from seanav import checks, montecarlo
-from seanav.filters import neural
+from seanav.filters import blended, neural
 
 R, Q = 0.09, 0.005
 
@@ -31,9 +31,9 @@ def pairs(runs=4, count=20, seed=4):
 
 
 def test_no_weight_on_the_measurement_is_the_kalman_filter_bit_for_bit(z):
-    K, _ = neural.gains(Q, R, R, 80)
+    K, _ = blended.gains(Q, R, R, 80)
     x = z[:, 0].copy()
-    ours = neural.estimate(z, K, 0.0, z[:, 0])
+    ours = blended.estimate(z, K, 0.0, z[:, 0])
     for i in range(1, 80):
         x = x + K[i] * (z[:, i] - x)
         np.testing.assert_array_equal(ours[:, i], x)
@@ -43,8 +43,8 @@ def test_kalman_filter_agrees_with_filterpy(z):
     other = KalmanFilter(dim_x=2, dim_z=2)
     other.x, other.P, other.H = z[0, 0].copy(), np.eye(2) * R, np.eye(2)
     other.Q, other.R = np.eye(2) * Q, np.eye(2) * R
-    K, P = neural.gains(Q, R, R, 80)
-    ours = neural.estimate(z, K, 0.0, z[:, 0])
+    K, P = blended.gains(Q, R, R, 80)
+    ours = blended.estimate(z, K, 0.0, z[:, 0])
     for i in range(1, 80):
         other.predict()
         other.update(z[0, i])
@@ -53,51 +53,51 @@ def test_kalman_filter_agrees_with_filterpy(z):
 
 
 def test_full_weight_on_the_measurement_is_least_squares_of_two_points(z):
-    K, _ = neural.gains(Q, R, R, 80)
-    ours = neural.estimate(z, K, 1.0, z[:, 0])
+    K, _ = blended.gains(Q, R, R, 80)
+    ours = blended.estimate(z, K, 1.0, z[:, 0])
     gain = K[1:, None]
     np.testing.assert_allclose(ours[:, 1:], (1 - gain) * z[:, :-1] + gain * z[:, 1:], rtol=1e-13)
 
 
 def test_printed_innovation_contradicts_the_papers_own_sentence(z):
-    K, _ = neural.gains(Q, R, R, 80)
+    K, _ = blended.gains(Q, R, R, 80)
     start = z[:, 0]
-    printed = neural.estimate(z, K, 1.0, start, innovation="printed")
-    assert np.abs(printed - neural.estimate(z, K, 1.0, start)).max() > 0.05
-    kalman = neural.estimate(z, K, 0.0, start)
-    np.testing.assert_array_equal(neural.estimate(z, K, 0.0, start, innovation="printed"), kalman)
+    printed = blended.estimate(z, K, 1.0, start, innovation="printed")
+    assert np.abs(printed - blended.estimate(z, K, 1.0, start)).max() > 0.05
+    kalman = blended.estimate(z, K, 0.0, start)
+    np.testing.assert_array_equal(blended.estimate(z, K, 0.0, start, innovation="printed"), kalman)
 
 
 def test_gain_settles_at_the_root_of_the_riccati_equation():
-    K, _ = neural.gains(Q, R, R, 300)
-    assert K[-1] == pytest.approx(neural.steady_gain(Q, R), rel=1e-12)
+    K, _ = blended.gains(Q, R, R, 300)
+    assert K[-1] == pytest.approx(blended.steady_gain(Q, R), rel=1e-12)
     assert K[-1] ** 2 * R == pytest.approx(Q * (1 - K[-1]), rel=1e-12)
 
 
 @pytest.mark.parametrize("w1", [0.0, 0.3, 0.7, 1.0])
 def test_closed_form_variance_is_the_sum_of_squared_impulse_response(w1):
-    gain = neural.steady_gain(Q, R)
+    gain = blended.steady_gain(Q, R)
     impulse = np.zeros((1, 400, 2))
     impulse[0, 1] = 1.0
-    response = neural.estimate(impulse, np.full(400, gain), w1, np.zeros((1, 2)))[0, :, 0]
-    assert neural.steady_variance(gain, w1, R) == pytest.approx(R * (response**2).sum(), rel=1e-12)
+    response = blended.estimate(impulse, np.full(400, gain), w1, np.zeros((1, 2)))[0, :, 0]
+    assert blended.steady_variance(gain, w1, R) == pytest.approx(R * (response**2).sum(), rel=1e-12)
 
 
 @pytest.mark.parametrize("w1", [0.0, 0.3, 1.0])
 def test_closed_form_variance_is_the_simulated_one(w1):
     z = montecarlo.normals(2, "noise", 4000, (61, 2)) * 0.3
-    gain = neural.steady_gain(Q, R)
-    last = neural.estimate(z, np.full(61, gain), w1, z[:, 0])[:, -1].ravel()
+    gain = blended.steady_gain(Q, R)
+    last = blended.estimate(z, np.full(61, gain), w1, z[:, 0])[:, -1].ravel()
     error = last.var() * np.sqrt(2 / last.size)
-    assert abs((last**2).mean() - neural.steady_variance(gain, w1, R)) < 4 * error
+    assert abs((last**2).mean() - blended.steady_variance(gain, w1, R)) < 4 * error
 
 
 def test_manoeuvre_weight_is_causal_low_when_steady_and_high_in_a_turn():
     z = montecarlo.normals(2, "noise", 50, (120, 2)) * 0.3
     z[:, 60:, 0] += 0.3 * np.arange(60)
-    K, P = neural.gains(Q, R, R, 120)
-    weight = neural.manoeuvre_weight(z, K, P, R, Q, z[:, 0])
-    cut = neural.manoeuvre_weight(z[:, :70], K[:70], P[:70], R, Q, z[:, 0])
+    K, P = blended.gains(Q, R, R, 120)
+    weight = blended.manoeuvre_weight(z, K, P, R, Q, z[:, 0])
+    cut = blended.manoeuvre_weight(z[:, :70], K[:70], P[:70], R, Q, z[:, 0])
     np.testing.assert_array_equal(weight[:, :70], cut)
     assert weight[:, 10:60].mean() < 0.1
     assert weight[:, 70:].mean() > 0.9
@@ -291,10 +291,10 @@ def test_runs_do_not_depend_on_their_batch_nor_on_repetition():
         (lambda n, x, t: neural.teach(n, x, t, reading="worst"), "reading = 'worst': must be one"),
         (lambda n, x, t: networks(hidden=0), "hidden = 0: must be an integer of at least 1"),
         (
-            lambda n, x, t: neural.estimate(np.ones((1, 3, 2)), np.ones(3), 1.2, np.ones((1, 2))),
+            lambda n, x, t: blended.estimate(np.ones((1, 3, 2)), np.ones(3), 1.2, np.ones((1, 2))),
             "w1 = 1.2: ",
         ),
-        (lambda n, x, t: neural.gains(Q, 0.0, R, 5), r"R = 0.0: .*above 0"),
+        (lambda n, x, t: blended.gains(Q, 0.0, R, 5), r"R = 0.0: .*above 0"),
     ],
 )
 def test_bad_input_is_one_clear_line(call, message):

@@ -1,6 +1,7 @@
 """``python -m seanav``: list papers, run them, check their results, list their claims."""
 
 import sys
+from typing import Any
 
 from seanav import _process
 
@@ -29,7 +30,7 @@ def main(arguments: list[str] | None = None) -> int:
 class _Once(argparse.Action):
     """An option that must not be given twice: the first one would be lost without a word."""
 
-    def __call__(self, parser, given, value, name=None):
+    def __call__(self, parser: Any, given: Any, value: Any, name: Any = None) -> None:
         if getattr(given, self.dest) is not self.default:
             parser.error(f"{name} is given twice")
         setattr(given, self.dest, value)

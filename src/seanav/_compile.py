@@ -1,7 +1,9 @@
 """How this package compiles its kernels: one decorator, one cache."""
 
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numba
 
@@ -26,7 +28,7 @@ if (_CHECKOUT / "pyproject.toml").is_file():
     CACHE = _CHECKOUT / "build" / "numba" / _sources_digest()
 
 
-def kernel(function):
+def kernel(function: Callable) -> Callable:
     """Compile `function` for loops over arrays, the same bits on every machine.
 
     No ``fastmath`` and no BLAS call: the order of every addition is the one written.
@@ -38,9 +40,10 @@ def kernel(function):
     public functions that have checked what they hand on (`seanav.checks`).
     """
     # numba asks for the place of its cache here only; a user's own functions keep theirs.
-    theirs = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(CACHE or theirs)
+    config: Any = numba.config  # whose settings are made at run time
+    theirs = config.CACHE_DIR
+    config.CACHE_DIR = str(CACHE or theirs)
     try:
         return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     finally:
-        numba.config.CACHE_DIR = theirs
+        config.CACHE_DIR = theirs

@@ -3,11 +3,13 @@
 Only the standard library is imported here: `install` must come before everything slow.
 """
 
+import io
 import logging
 import os
 import signal
 import sys
 import warnings
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -71,7 +73,8 @@ def install() -> None:
     warnings.simplefilter("ignore")
     logging.disable()
     for stream in (sys.stdout, sys.stderr):
-        stream.reconfigure(encoding="utf-8", errors="backslashreplace")
+        if isinstance(stream, io.TextIOWrapper):  # and not what a caller put in its place
+            stream.reconfigure(encoding="utf-8", errors="backslashreplace")
 
 
 def finished() -> None:
@@ -96,7 +99,7 @@ def _end(number, frame):
 
 
 @contextmanager
-def starting_kernel():
+def starting_kernel() -> Iterator:
     """Put an end off while a kernel starts, until it is in `kernels`."""
     global _starting
     _starting = True

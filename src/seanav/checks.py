@@ -3,8 +3,10 @@
 import math
 from collections.abc import Iterable
 from numbers import Integral, Real
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 class ParameterError(ValueError):
@@ -19,7 +21,7 @@ class ParameterError(ValueError):
         return type(self), (self.name, self.value, self.allowed)
 
 
-def integer(name, value, *, at_least, at_most=None):
+def integer(name: str, value: Any, *, at_least: int, at_most: int | None = None) -> int:
     """Return `value` as an int within the stated bounds, else raise `ParameterError`."""
     allowed = f"must be an integer of at least {at_least}"
     if at_most is not None:
@@ -30,7 +32,15 @@ def integer(name, value, *, at_least, at_most=None):
     return int(value)
 
 
-def number(name, value, *, above=-math.inf, at_least=-math.inf, below=math.inf, at_most=math.inf):
+def number(
+    name: str,
+    value: Any,
+    *,
+    above: float = -math.inf,
+    at_least: float = -math.inf,
+    below: float = math.inf,
+    at_most: float = math.inf,
+) -> float:
     """Return `value` as a finite float within the stated bounds, else raise `ParameterError`."""
     bounds = [
         f"{word} {bound:g}"
@@ -49,7 +59,7 @@ def number(name, value, *, above=-math.inf, at_least=-math.inf, below=math.inf, 
     return float(value)
 
 
-def parts(name, part, whole_name, whole, *, at_most=100_000):
+def parts(name: str, part: float, whole_name: str, whole: float, *, at_most: int = 100_000) -> int:
     """Return how many times the time `part` fits into `whole`, else raise `ParameterError`.
 
     It must fit evenly: what a rounded number of steps reaches is not the time that labels
@@ -80,7 +90,7 @@ def _finite(value):
         return False
 
 
-def choice(name, value, allowed):
+def choice(name: str, value: ArrayLike | None, allowed: Any) -> Any:
     """Return `value` if it is one of `allowed`, else raise `ParameterError`."""
     options = list(allowed)
     # Python calls True and 1 equal; a user who says one does not mean the other.
@@ -97,7 +107,7 @@ def choice(name, value, allowed):
 
 def array(
     name: str,
-    value,
+    value: Any,
     shape: tuple,
     sizes: dict | None = None,
     *,
@@ -159,7 +169,7 @@ def array(
     return found
 
 
-def in_place(name: str, value, shape: tuple, sizes: dict | None = None) -> np.ndarray:
+def in_place(name: str, value: Any, shape: tuple, sizes: dict | None = None) -> np.ndarray:
     """Return `value`, an array that a kernel will change in place, after the checks of `array`.
 
     Raises
@@ -184,7 +194,7 @@ def read_only(*arrays: np.ndarray) -> tuple[np.ndarray, ...]:
     return arrays
 
 
-def covariance(name: str, value, size: int, *, definite: bool = False) -> np.ndarray:
+def covariance(name: str, value: ArrayLike, size: int, *, definite: bool = False) -> np.ndarray:
     """Return a checked covariance matrix (size, size), else raise `ParameterError`."""
     matrix = array(name, value, (size, size))
     kind = "positive definite" if definite else "positive semidefinite"
@@ -198,7 +208,7 @@ def covariance(name: str, value, size: int, *, definite: bool = False) -> np.nda
     return matrix
 
 
-def markov_chain(transition, initial) -> tuple[tuple, tuple]:
+def markov_chain(transition: ArrayLike, initial: tuple[float, ...]) -> tuple[tuple, tuple]:
     """Return a Markov chain as tuples of floats: transition matrix and first probabilities.
 
     Raises
@@ -243,7 +253,7 @@ def _tuple(entries: Iterable) -> str:
     return f"({words[0]},)" if len(words) == 1 else f"({', '.join(words)})"
 
 
-def _short(value) -> str:
+def _short(value: Any) -> str:
     try:
         text = " ".join(repr(value).split())
     except ValueError:  # Python prints no integer of more than some thousand digits

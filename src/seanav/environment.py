@@ -79,7 +79,7 @@ def install(folder: Path, *what: object) -> None:
     # In an environment, the interpreter that it was made with.
     python = getattr(sys, "_base_executable", sys.executable)
     subprocess.run([python, "-I", "-m", "venv", folder], check=True)
-    pip = [folder / "bin" / "python", "-I", "-X", "utf8", "-m", "pip"]
+    pip: list = [folder / "bin" / "python", "-I", "-X", "utf8", "-m", "pip"]
     clean = {name: text for name, text in os.environ.items() if not name.startswith("PIP_")}
     named = {name: "PIP_" + name.upper().replace("-", "_") for name in KEPT}
     # Verbose, lest a quiet pip list nothing.
@@ -96,7 +96,7 @@ def install(folder: Path, *what: object) -> None:
                 kept[named[name]] = ast.literal_eval(text)
     kept |= {key: os.environ[key] for key in named.values() if key in os.environ}
     command = ["install", "-q", "--disable-pip-version-check", "--only-binary", ":all:"]
-    subprocess.run([*pip, *command, *what], env=clean | kept, check=True)
+    subprocess.run([*pip, *command, *map(str, what)], env=clean | kept, check=True)
 
 
 def main(arguments: list) -> None:

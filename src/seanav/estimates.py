@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import stats
 
 from seanav.checks import integer
@@ -91,36 +92,36 @@ class Statistic:
     def __init__(self, value, influence):
         self.value, self.influence = value, np.asarray(influence, dtype=float)
 
-    def _through(self, value, slope) -> Self:
+    def _through(self, value: ArrayLike, slope: ArrayLike) -> Self:
         return type(self)(value, slope * self.influence)
 
     def __neg__(self) -> Self:
         return self._through(-self.value, -1.0)
 
-    def __add__(self, other) -> Self:
+    def __add__(self, other: Self | float) -> Self:
         if not isinstance(other, Statistic):
             return self._through(self.value + other, 1.0)
         return type(self)(self.value + other.value, self.influence + other.influence)
 
-    def __sub__(self, other) -> Self:
+    def __sub__(self, other: Self | float) -> Self:
         return self + -other
 
-    def __rsub__(self, other) -> Self:
+    def __rsub__(self, other: float) -> Self:
         return -self + other
 
-    def __mul__(self, other) -> Self:
+    def __mul__(self, other: Self | float) -> Self:
         if not isinstance(other, Statistic):
             return self._through(self.value * other, other)
         influence = other.value * self.influence + self.value * other.influence
         return type(self)(self.value * other.value, influence)
 
-    def __truediv__(self, other) -> Self:
+    def __truediv__(self, other: Self | float) -> Self:
         if not isinstance(other, Statistic):
             return self._through(self.value / other, 1.0 / other)
         quotient = self.value / other.value
         return type(self)(quotient, (self.influence - quotient * other.influence) / other.value)
 
-    def __rtruediv__(self, other) -> Self:
+    def __rtruediv__(self, other: float) -> Self:
         return other * self**-1.0
 
     def __pow__(self, power: float) -> Self:
@@ -147,7 +148,7 @@ class Statistic:
         """Return the mean over all entries of `value`."""
         return self.sum() / np.size(self.value)
 
-    def __getitem__(self, index) -> Self:
+    def __getitem__(self, index: int) -> Self:
         return type(self)(self.value[index], self.influence[:, index])
 
     def estimate(self) -> Estimate:

@@ -5,6 +5,7 @@ import sys
 import zlib
 from collections.abc import Callable, Iterable
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -60,7 +61,12 @@ def normals(seed: int, purpose: str, runs: int, shape: tuple[int, ...]) -> np.nd
 
 
 def parallel_map(
-    function: Callable, items: Iterable, *, threads: int | None = None, client=None, label=None
+    function: Callable,
+    items: Iterable,
+    *,
+    threads: int | None = None,
+    client: Any = None,
+    label: str | None = None,
 ) -> list:
     """Return ``[function(item) for item in items]``, computed in parallel, in order.
 
@@ -89,10 +95,11 @@ def parallel_map(
         If `threads` is not an integer of at least 1.
     """
     items = list(items)
-    if threads is None:
-        given = os.environ.get("SEANAV_THREADS") or str(os.cpu_count() or 1)
-        threads = int(given) if given.isdecimal() else given
-    threads = integer("threads", threads, at_least=1)
+    given: int | str | None = threads
+    if given is None:
+        text = os.environ.get("SEANAV_THREADS") or str(os.cpu_count() or 1)
+        given = int(text) if text.isdecimal() else text
+    threads = integer("threads", given, at_least=1)
     with _progress_bar(len(items), label) as advance:
         if client is not None:
             futures = client.map(function, items, pure=False)

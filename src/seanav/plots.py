@@ -1,12 +1,14 @@
 """Pictures that more than one paper draws: curves with bands, diagrams, one look per filter."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
+from numpy.typing import ArrayLike
 
 from seanav.estimates import Estimate
 
@@ -38,7 +40,11 @@ def look(kind: str, variant: int | None = None) -> dict:
 
 
 def band(
-    axes: Axes, x, estimates: Sequence[Estimate | str], label: str | None = None, **style
+    axes: Axes,
+    x: ArrayLike,
+    estimates: Sequence[Estimate | str],
+    label: str | None = None,
+    **style: Any,
 ) -> None:
     """Draw estimates over `x` as a line with the band of their 95 % intervals.
 
@@ -58,14 +64,14 @@ def _lost(estimate):
     return estimate.endswith("diverged") if isinstance(estimate, str) else estimate.diverged
 
 
-def legend(axes: Axes, **options) -> None:
+def legend(axes: Axes, **options: Any) -> None:
     """Draw the legend of `axes` if there is anything to tell apart."""
     if axes.get_legend_handles_labels()[0]:
         axes.legend(**options)
 
 
 def curves(
-    x,
+    x: ArrayLike,
     series: Mapping[str, Sequence],
     xlabel: str,
     ylabel: str,
@@ -148,8 +154,8 @@ def diagram(
     for begin, end, text in arrows:
         here, there = np.array(boxes[begin][:2]), np.array(boxes[end][:2])
         ends = {"patchA": drawn[begin].get_bbox_patch(), "patchB": drawn[end].get_bbox_patch()}
-        axes.annotate("", there, here, arrowprops=_ARROW | ends)
+        axes.annotate("", tuple(there), tuple(here), arrowprops=_ARROW | ends)
         if text:
-            place = here + at * (there - here)
-            axes.text(*place, text, ha="center", va="center", fontsize=8, bbox=_LABEL)
+            x, y = here + at * (there - here)
+            axes.text(x, y, text, ha="center", va="center", fontsize=8, bbox=_LABEL)
     return fig

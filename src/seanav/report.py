@@ -11,17 +11,19 @@ import secrets
 import shutil
 import warnings
 import weakref
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from numbers import Integral, Real
 from pathlib import Path
+from typing import Any
 
 import attrs
 import numpy as np
 import PIL.Image
 from IPython.display import Image
 from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
 from seanav._files import lock, place, write
 from seanav._pictures import palette_png, rounded
@@ -74,7 +76,7 @@ def _stored(x):
     return x if x is None else str(x)
 
 
-def _cell(x) -> str:
+def _cell(x: Any) -> str:
     if isinstance(x, (bool, np.bool_)):
         return "true" if x else "false"
     if isinstance(x, Real) and not isinstance(x, Integral):
@@ -82,7 +84,7 @@ def _cell(x) -> str:
     return "" if x is None else str(x)
 
 
-def _csv(columns, rows) -> str:
+def _csv(columns: Sequence, rows: list) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
@@ -93,7 +95,7 @@ def _csv(columns, rows) -> str:
     return text.getvalue()
 
 
-def json_text(content) -> str:
+def json_text(content: dict) -> str:
     """Return `content` as the JSON text of a result file, numbers with ten digits."""
     return json.dumps(_stored(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
@@ -160,7 +162,9 @@ def verdict(conditions: Iterable[Condition]) -> str:
     outcomes = {condition.outcome for condition in conditions}
     if not outcomes:
         return "cannot be tested"
-    return {("holds",): "reproduced", ("fails",): "not reproduced"}.get(tuple(outcomes), "partly")
+    if len(outcomes) > 1:
+        return "partly"
+    return {"holds": "reproduced", "fails": "not reproduced"}.get(outcomes.pop(), "partly")
 
 
 def agrees(printed: float, ours: Estimate, paper_runs_se: float | None = None) -> bool:
@@ -188,7 +192,7 @@ def agrees(printed: float, ours: Estimate, paper_runs_se: float | None = None) -
 # ---------------------------------------------------------------- the report
 
 
-def _parameters(scenario) -> dict:
+def _parameters(scenario: Any) -> dict:
     declared = attrs.asdict if attrs.has(type(scenario)) else dataclasses.asdict
     return declared(scenario)
 
@@ -217,7 +221,7 @@ class Report:
 
     _style = ExitStack()  # of the last report only
 
-    def __init__(self, stem: str, *, scenario, seed: int, quick: bool = False):
+    def __init__(self, stem: str, *, scenario: Any, seed: int, quick: bool = False):
         checkout = Path(__file__).resolve().parents[2]
         by_hand = (
             checkout if (checkout / "pyproject.toml").is_file() else Path()
@@ -235,7 +239,7 @@ class Report:
         self._quick = quick
         self._claims = {}
         self._deviations = []
-        self._parameters = None
+        self._origins: list | None = None
         Report._style.close()
         Report._style.enter_context(plt.style.context("seanav.seanav", after_reset=True))
 
@@ -248,7 +252,7 @@ class Report:
             raise ValueError(f"{name} {number} is there already")
         return path
 
-    def figure(self, number: int | str, fig, caption: str) -> Image:
+    def figure(self, number: int | str, fig: Figure, caption: str) -> Image:
         """Save `fig` as PNG and PDF, close it and return a smaller picture of it.
 
         A `number` that is a short name, such as ``"B1"``, goes beyond the paper. The
@@ -286,12 +290,13 @@ class Report:
         rows : list of (name, value, unit, origin) or (name, value, unit, origin, note)
             `origin`: text, public source, recalled, assumed or derived.
         """
-        self._parameters = []
+        table = []
         for name, value, unit, origin, *note in rows:
             if origin.partition(":")[0] not in ORIGINS:
                 raise ValueError(f"{name}: origin {origin!r} is none of {', '.join(ORIGINS)}")
-            self._parameters.append([name, value, unit, ": ".join([origin, *note])])
-        _print_table(("name", "value", "unit", "origin"), self._parameters)
+            table.append([name, value, unit, ": ".join([origin, *note])])
+        self._origins = table
+        _print_table(("name", "value", "unit", "origin"), table)
 
     def deviation(
         self,
@@ -328,15 +333,14 @@ class Report:
             raise ValueError(f"claim {number} is judged twice")
         conditions = list(conditions)
         first = conditions[0].estimate if conditions else None
-        sampled = first is not None and first.low < first.high
         self._claims[number] = {
             "claim": text,
             "verdict": verdict(conditions),
             "value": None if first is None or first.diverged else first.value,
-            "interval": [first.low, first.high] if sampled else None,
+            "interval": [first.low, first.high] if first and first.low < first.high else None,
             "basis": ". ".join([basis.rstrip(". "), *map(str, conditions)]) + ".",
         } | ({"quick": True} if self._quick else {})
-        shown = f" ({significant(first)})" if conditions else ""
+        shown = f" ({significant(first)})" if first else ""
         print(f"{number} {verdict(conditions)}: {text}{shown}")
 
     def finish(self, expected_claims: Iterable[str]) -> None:
@@ -352,12 +356,12 @@ class Report:
         if set(expected) != set(self._claims):
             odd = ", ".join(sorted(set(expected) ^ set(self._claims)))
             raise ValueError(f"claims expected and claims judged differ: {odd}")
-        if self._parameters is None:
+        if self._origins is None:
             raise ValueError("the origins of the parameters are missing")
         deviations = ["table", "row", "column", "printed", "ours", "low", "high", "agrees"]
         write(self._folder / "deviations.csv", _csv(deviations, self._deviations))
         origins = ["name", "value", "unit", "origin"]
-        write(self._folder / "parameters.csv", _csv(origins, self._parameters))
+        write(self._folder / "parameters.csv", _csv(origins, self._origins))
         claims = {number: self._claims[number] for number in expected}
         values = {number: claim["value"] for number, claim in claims.items()}
         self._about["headline"] = {n: significant(x) for n, x in values.items() if x is not None}

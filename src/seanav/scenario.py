@@ -13,7 +13,7 @@ Conditions between parameters go into ``__attrs_post_init__``.
 
 import math
 import textwrap
-from collections.abc import Callable, Mapping, Sized
+from collections.abc import Callable, Iterable, Mapping, Sized
 from typing import Any, Self
 
 import attrs
@@ -41,7 +41,7 @@ class Integer:
     at_least: int
     at_most: int | None = None
 
-    def __call__(self, name: str, value) -> int:
+    def __call__(self, name: str, value: bool | float) -> int:
         """Return the checked value."""
         return checks.integer(name, value, at_least=self.at_least, at_most=self.at_most)
 
@@ -55,18 +55,22 @@ class Number:
     below: float = math.inf
     at_most: float = math.inf
 
-    def __call__(self, name: str, value) -> float:
+    def __call__(self, name: str, value: float) -> float:
         """Return the checked value."""
         return checks.number(name, value, **attrs.asdict(self))
+
+
+def _tuple(values: Iterable) -> tuple:
+    return tuple(values)
 
 
 @attrs.frozen
 class Choice:
     """One of a few values."""
 
-    options: tuple = attrs.field(converter=tuple)
+    options: tuple = attrs.field(converter=_tuple)
 
-    def __call__(self, name: str, value):
+    def __call__(self, name: str, value: Any) -> int | str:
         """Return the checked value."""
         return checks.choice(name, value, self.options)
 
@@ -75,7 +79,7 @@ class Choice:
 class Text:
     """Any text, such as the name of a file."""
 
-    def __call__(self, name: str, value) -> str:
+    def __call__(self, name: str, value: int | str) -> str:
         """Return the checked value."""
         if not isinstance(value, str) or "\0" in value:
             raise ParameterError(name, value, "must be text")
@@ -102,7 +106,7 @@ class List:
     at_most: int = attrs.field(default=64, kw_only=True)
     distinct: bool = attrs.field(default=False, kw_only=True)
 
-    def __call__(self, name: str, value) -> tuple:
+    def __call__(self, name: str, value: Any) -> tuple:
         """Return the checked entries."""
         usable = hasattr(value, "__iter__") and isinstance(value, Sized)
         if not usable or isinstance(value, (str, bytes, Mapping, set, frozenset)):
@@ -136,7 +140,7 @@ class Declaration:
 
 
 def parameter(
-    default,
+    default: Any,
     kind: Callable,
     *,
     origin: str,

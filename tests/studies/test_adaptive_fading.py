@@ -8,7 +8,7 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from seanav import estimates
 from seanav.checks import ParameterError
-from seanav.filters import adaptive, kalman
+from seanav.filters import adaptive, linear_covariance
 from seanav.studies.adaptive_fading import beyond, run, scores
 from seanav.studies.adaptive_fading.scenario import Scenario
 
@@ -139,7 +139,7 @@ def test_healthy_errors_of_fixed_filters_are_those_of_linear_covariance(outcomes
     # filter believes in: its covariance solves a Lyapunov equation.
     case, _, results = outcomes
     for name, scale in (("OKF", 1.0), ("larger Q", SMALL.larger_Q)):
-        before, _ = kalman.steady_covariance(case.Phi, case.H, scale * case.Q, case.R)
+        before, _ = linear_covariance.steady_covariance(case.Phi, case.H, scale * case.Q, case.R)
         K = before @ case.H.T @ np.linalg.inv(case.H @ before @ case.H.T + case.R)
         A = np.eye(3) - K @ case.H
         driven = A @ case.Q @ A.T + K @ case.R @ K.T

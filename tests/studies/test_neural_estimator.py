@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from seanav import checks, estimates, montecarlo
-from seanav.filters import neural
+from seanav.filters import blended, neural
 from seanav.studies.neural_estimator import beyond, run, scores
 from seanav.studies.neural_estimator.scenario import COURSES, VARIANTS, Scenario
 
@@ -227,8 +227,8 @@ def test_tuned_filter_is_slow_on_a_steady_course_and_quick_in_a_zigzag():
         z = run.measure(scenario, truth, "tuning noise")
         errors = {}
         for q in candidates:
-            K, _ = neural.gains(q, scenario.R, scenario.R, scenario.steps)
-            errors[q] = np.std((neural.estimate(z, K, 0.0, z[:, 0]) - truth)[:, 40:])
+            K, _ = blended.gains(q, scenario.R, scenario.R, scenario.steps)
+            errors[q] = np.std((blended.estimate(z, K, 0.0, z[:, 0]) - truth)[:, 40:])
         assert best[name] == min(errors, key=errors.get)
     assert best == {"steady": 1e-5, "zigzag": 0.03}
 
@@ -242,8 +242,8 @@ def test_filter_is_not_tuned_on_the_noise_of_the_test():
         z = run.measure(scenario, truth, purpose)
         errors = []
         for q in candidates:
-            K, _ = neural.gains(q, scenario.R, scenario.R, scenario.steps)
-            error = (neural.estimate(z, K, 0.0, z[:, 0]) - truth)[:, 40:]
+            K, _ = blended.gains(q, scenario.R, scenario.R, scenario.steps)
+            error = (blended.estimate(z, K, 0.0, z[:, 0]) - truth)[:, 40:]
             errors.append((error**2).mean())
         best[purpose] = candidates[int(np.argmin(errors))]
     assert best["tuning noise"] != best["noise"]
@@ -339,7 +339,7 @@ def test_rows_of_a_table_are_counted_run_by_run():
     )
     assert row[:3] == ["level", "c", "p"]
     assert (row[3], row[6]) == (pytest.approx(np.sqrt(17 / 3)), 2 / 3)
-    sweep = run.weight_sweep(scenario, done)["zigzag"]
+    sweep = scores.weight_sweep(scenario, done)["zigzag"]
     gls = done["zigzag"].estimates["GLS"] - done["zigzag"].truth
     for phase, steps in (("all", slice(1, None)), ("initial", slice(1, 20))):
         expected = (gls[:, steps] ** 2).mean(axis=(1, 2))
@@ -420,11 +420,11 @@ def test_readings_that_stop_nobody_share_their_networks(delta, default):
             plain = run.examine(changed, course.z, teacher, taught)
             ours = run.vary(scenario, done, (name,), reading=reading)[name]
             for phase, mask in course.parts().items():
-                expected = scores.squared(plain, course.truth, mask)
+                expected = run.squared(plain, course.truth, mask)
                 np.testing.assert_array_equal(ours[phase][0], expected)
         endless = run.first_teaching(attrs.evolve(scenario, delta=1e-12), course.z, teacher)
-        expected = run.histories(endless)
-        np.testing.assert_array_equal(run.uncapped(scenario, course), expected)
+        expected = scores.histories(endless)
+        np.testing.assert_array_equal(scores.uncapped(scenario, course), expected)
 
 
 def test_parts_of_the_examination_name_no_phase_twice():

@@ -13,6 +13,7 @@ covariance Q of each state, from the same innovations.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
 from seanav._compile import kernel
@@ -45,7 +46,7 @@ class AdaptiveTrack(NamedTuple):
     factors: np.ndarray
 
 
-def threshold(alpha, m):
+def threshold(alpha: float, m: int) -> float:
     """Return the value that β exceeds with probability `alpha` in a healthy system, (40).
 
     Parameters
@@ -59,7 +60,7 @@ def threshold(alpha, m):
     return float(chi2.isf(alpha, integer("m", m, at_least=1, at_most=10**6)))
 
 
-def weights(H, Q, method):
+def weights(H: ArrayLike, Q: ArrayLike, method: str) -> np.ndarray:
     """Return W (n, m, m) with factor_i = Σ_ab W[i, a, b] (C − H Phi P Phiᵀ Hᵀ − R)_ab.
 
     `C` is the innovations' sample covariance. Single: (26), W = I / tr(H Q Hᵀ) for every
@@ -225,9 +226,10 @@ def _normalise(H, R, P, innovation, PHt, S, L, white, nis):
 
 
 def run(
-    Phi, offsets, H, Q, R, x0, P0, z,
-    *, method, window=1, trigger="chi2", alpha=0.05, floor=1.0,
-):  # fmt: skip
+    Phi: ArrayLike, offsets: ArrayLike, H: ArrayLike, Q: ArrayLike, R: ArrayLike,
+    x0: ArrayLike, P0: ArrayLike, z: ArrayLike, *, method: str, window: int = 1,
+    trigger: str = "chi2", alpha: float = 0.05, floor: float = 1.0,
+) -> AdaptiveTrack:  # fmt: skip
     """Run a Kalman filter with single or multiple fading factors over a batch of runs.
 
     Parameters
@@ -261,11 +263,11 @@ def run(
     window = integer("window", window, at_least=1)
     if not (isinstance(floor, float) and floor == -np.inf):  # which is no floor at all
         floor = number("floor", floor)
-    model, x, P, z, out = kalman._prepare(Phi, offsets, H, Q, R, x0, P0, z)
-    limit = threshold(alpha, z.shape[1])
+    model, x, P, measured, out = kalman._prepare(Phi, offsets, H, Q, R, x0, P0, z)
+    limit = threshold(alpha, measured.shape[1])
     W = weights(model[2], model[3], method)
-    told = _Told(*out, before=np.empty_like(out[3]), factors=np.empty_like(out[0]))
-    window = min(window, z.shape[0])  # there are no more
+    told = _Told(*(*out, np.empty_like(out[3]), np.empty_like(out[0])))  # before and factors
+    window = min(window, measured.shape[0])  # there are no more
     rule = _Rule(W, window, limit, trigger == "trace", floor)
-    _run(_Model(*model), rule, x, P, z, told)
+    _run(_Model(*model), rule, x, P, measured, told)
     return AdaptiveTrack(*kalman._track(*out), told.before.T, told.factors.transpose(2, 0, 1))

@@ -68,7 +68,9 @@ def interact(T: ArrayLike, mu: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     return predicted, weights
 
 
-def _distributions(name, value, shape, sizes, axis=0):
+def _distributions(
+    name: str, value: ArrayLike, shape: tuple, sizes: dict, axis: int = 0
+) -> np.ndarray:
     p = array(name, value, shape, sizes, at_least=0)
     total = p.sum(axis=axis).ravel()
     worst = float(total[np.abs(total - 1).argmax()])

@@ -8,7 +8,7 @@ built from them.
 from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg
+from numpy.typing import ArrayLike
 
 from seanav._compile import kernel
 from seanav.checks import ParameterError, array, covariance
@@ -274,7 +274,16 @@ def _run(Phi, offsets, H, Q, R, x, P, z, x_out, P_out, innovations, nis):
         x, P = x_new, P_new
 
 
-def run(Phi, offsets, H, Q, R, x0, P0, z):
+def run(
+    Phi: ArrayLike,
+    offsets: ArrayLike,
+    H: ArrayLike,
+    Q: ArrayLike,
+    R: ArrayLike,
+    x0: ArrayLike,
+    P0: ArrayLike,
+    z: ArrayLike,
+) -> Track:
     """Run the Kalman filter (17)–(21) over a batch of runs.
 
     Parameters
@@ -329,40 +338,11 @@ def _prepare(Phi, offsets, H, Q, R, x0, P0, z):
     return (Phi, offsets, H, Q, R), x, P, z, tuple(np.empty(shape) for shape in shapes)
 
 
-def _track(x, P, innovation, nis):
+def _track(x: np.ndarray, P: np.ndarray, innovation: np.ndarray, nis: np.ndarray) -> Track:
     """Return kernel outputs, runs innermost, as a `Track`, runs first; nothing is copied."""
     return Track(
         x.transpose(2, 0, 1), P.transpose(3, 0, 1, 2), innovation.transpose(2, 0, 1), nis.T
     )
-
-
-def steady_covariance(Phi, H, Q, R):
-    """Return the steady covariances before and after a measurement, (n, n) each.
-
-    Solution of the discrete Riccati equation.
-
-    Parameters
-    ----------
-    Phi, H, Q, R
-        As for `run`.
-
-    Raises
-    ------
-    seanav.checks.ParameterError
-        As for `run`, and if no steady state exists: the pair (Phi, H) must be detectable,
-        and Q must reach every mode that does not decay.
-    """
-    sizes = {}
-    Phi = array("Phi", Phi, ("states", "states"), sizes)
-    H = array("H", H, ("measurements", "states"), sizes)
-    Q, R = covariance("Q", Q, len(Phi)), covariance("R", R, len(H), definite=True)
-    try:
-        before = linalg.solve_discrete_are(Phi.T, H.T, Q, R)
-    except np.linalg.LinAlgError:
-        allowed = "must be detectable through H and driven by Q: there is no steady state"
-        raise ParameterError("Phi", Phi.tolist(), allowed) from None
-    gain = np.linalg.solve(H @ before @ H.T + R, H @ before).T
-    return before, before - gain @ H @ before
 
 
 @kernel
@@ -374,7 +354,7 @@ def _nees(errors, P, out):
         _normalised_square(L, errors[k], white, out[k])
 
 
-def nees(errors, P):
+def nees(errors: ArrayLike, P: ArrayLike) -> np.ndarray:
     """Return the normalised estimation error squared, (runs, steps).
 
     Parameters

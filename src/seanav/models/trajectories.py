@@ -94,7 +94,7 @@ class Trajectory:
         lap = self.speed * self.duration / self._laps
         return lap / n - 2 * r * (math.pi / n - math.tan(math.pi / n))
 
-    def course(self, t):
+    def course(self, t: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return heading (rad) and its rate (rad/s) at times `t` (s, any shape)."""
         t = np.asarray(t, dtype=float)
         side = 1.0 if self.clockwise else -1.0
@@ -113,10 +113,10 @@ class Trajectory:
         legs = np.floor(t / (straight + arc))
         within = t - legs * (straight + arc)
         fraction = np.clip((within - straight) / arc, 0.0, 1.0)
-        rate = np.where(within >= straight, side * turn / arc, 0.0)
-        return self.heading + side * turn * (legs + fraction), rate
+        rates = np.where(within >= straight, side * turn / arc, 0.0)
+        return self.heading + side * turn * (legs + fraction), rates
 
-    def states(self):
+    def states(self) -> tuple[np.ndarray, ...]:
         """Return truth at whole seconds: latitude, longitude (rad), v_n (m/s), heading (rad).
 
         Shapes (steps + 1,), (steps + 1,), (steps + 1, 3), (steps + 1,); read-only.
@@ -130,7 +130,7 @@ class Trajectory:
             self._cache["states"] = read_only(latitude[::200], longitude[::200], v_n, heading)
         return self._cache["states"]
 
-    def C_bn(self):
+    def C_bn(self) -> np.ndarray:
         """Return the true attitude at whole seconds, (steps + 1, 3, 3)."""
         heading = self.states()[3]
         C = np.zeros((len(heading), 3, 3))
@@ -156,7 +156,7 @@ class Trajectory:
         )
         return latitude, longitude
 
-    def increments(self, rate=100):
+    def increments(self, rate: int = 100) -> tuple[np.ndarray, ...]:
         """Return errorless integrals of angular rate (rad) and specific force (m/s) in b.
 
         Shape (duration * rate, 3) each, read-only; Simpson's rule on each fast interval.

@@ -6,9 +6,10 @@ constant forward speed U, and its centre of mass is not displaced forward (x_G =
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
 from seanav._compile import kernel
@@ -86,7 +87,7 @@ class Plane:
         object.__setattr__(self, "A", array("A", self.A, (n, n)))
         object.__setattr__(self, "B", array("B", self.B, (n,)))
 
-    def discretise(self, dt, method="euler"):
+    def discretise(self, dt: float, method: str = "euler") -> tuple[np.ndarray, ...]:
         """Return Phi (n, n) and the effect (n,) of a fin angle that is held for `dt` seconds.
 
         Parameters
@@ -112,7 +113,7 @@ class Plane:
         whole = expm(dt * joined)
         return np.ascontiguousarray(whole[:n, :n]), np.ascontiguousarray(whole[:n, n])
 
-    def euler_limit(self):
+    def euler_limit(self) -> float:
         """Return the step in s above which Euler's rule makes a decaying mode grow.
 
         |1 + λ dt| < 1 holds for dt < −2 Re λ / |λ|². Modes that do not decay themselves
@@ -141,7 +142,7 @@ _STEERING = (("v", "r", "psi"), ("m/s", "rad/s", "rad"))
 _DIVING = (("w", "q", "theta", "z"), ("m/s", "rad/s", "rad", "m"))
 
 
-def steering(**changes):
+def steering(**changes: Any) -> Plane:
     """Return the steering plane, states v, r, ψ: (8) with its printing errors mended.
 
     Parameters
@@ -165,7 +166,7 @@ def steering(**changes):
     return _plane("steering", *_STEERING, [*mass, [0, 0, 1]], damping, fin)
 
 
-def diving(**changes):
+def diving(**changes: Any) -> Plane:
     """Return the diving plane, states w, q, θ, z: (1) with its printing errors mended.
 
     Parameters, result and errors as for `steering`.
@@ -188,7 +189,7 @@ def diving(**changes):
 
 # What the paper prints, kept entry by entry to show what it does; never used by a study.
 # Each entry is an expression in the names of the table above.
-PRINTED = {
+PRINTED: dict[str, dict[str, Any]] = {
     "steering": {
         "mass": [["m - Y_vdot", "-Y_r", "0"], ["-N_vdot", "I_z - N_rdot", "0"], ["0", "0", "1"]],
         "damping": [["Y_v", "Y_r - m*U", "0"], ["N_v", "N_r", "0"], ["0", "0", "1"]],
@@ -212,7 +213,7 @@ PRINTED = {
 }
 
 
-def as_printed(name):
+def as_printed(name: str) -> Plane:
     """Return the steering or diving `Plane` with the matrices exactly as printed.
 
     The left sides, which print ψ and θ for their derivatives, are read as derivatives;
@@ -229,7 +230,7 @@ def as_printed(name):
     damping = [[evaluate(entry) for entry in row] for row in parts["damping"]]
     fin = [evaluate(entry) for entry in parts["fin"]]
     labels = _STEERING if name == "steering" else _DIVING
-    return _plane(f"{name} as printed", *labels, mass, damping, fin)
+    return _plane(f"{name} as printed", labels[0], labels[1], mass, damping, fin)
 
 
 def _term(text, values):
@@ -255,7 +256,7 @@ def _simulate(Phi, offsets, noise, x0, out):
                         row[r] += gain * before[r]
 
 
-def simulate(Phi, offsets, noise, x0):
+def simulate(Phi: ArrayLike, offsets: ArrayLike, noise: ArrayLike, x0: ArrayLike) -> np.ndarray:
     """Return the states x_k = Phi x_{k-1} + offset_k + noise_k for a batch of runs.
 
     Parameters

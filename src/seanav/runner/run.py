@@ -11,6 +11,7 @@ import tempfile
 import time
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import nbformat
 
@@ -40,7 +41,7 @@ def defaults(book: nbformat.NotebookNode) -> dict:
     return found
 
 
-def _fits(value, default) -> bool:
+def _fits(value: Any, default: Any) -> bool:
     if isinstance(default, float):
         # An integer may be too large for a float.
         real = isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -277,7 +277,7 @@ def fly(
 # ---------------------------------------------------------------- checks of what is flown
 
 
-def _sensors(theta, dv, z, sizes) -> Sensors:
+def _sensors(theta: ArrayLike, dv: ArrayLike, z: ArrayLike, sizes: dict[str, int]) -> Sensors:
     theta = array("theta", theta, ("steps", 3, "runs"), sizes)
     dv = array("dv", dv, ("steps", 3, "runs"), sizes)
     z = array("z", z, ("steps", "axes", "runs"), sizes)
@@ -286,7 +286,16 @@ def _sensors(theta, dv, z, sizes) -> Sensors:
 
 
 def _settings(
-    sizes, height, R, window, cap, velocity_noise, attitude_noise, aided, about, stride
+    sizes: dict[str, int],
+    height: float,
+    R: float,
+    window: int,
+    cap: float,
+    velocity_noise: float,
+    attitude_noise: float,
+    aided: int,
+    about: str,
+    stride: int,
 ) -> Settings:
     steps = sizes["steps"]
     return Settings(
@@ -304,7 +313,9 @@ def _settings(
     )
 
 
-def _records(true_rest, settings, sizes) -> tuple[np.ndarray, Series]:
+def _records(
+    true_rest: ArrayLike | None, settings: Settings, sizes: dict[str, int]
+) -> tuple[np.ndarray, Series]:
     records = sizes["steps"] // settings.stride if settings.stride else 0
     rest = np.zeros((records, N - B_A, LANES))
     if true_rest is not None and records:
@@ -312,7 +323,9 @@ def _records(true_rest, settings, sizes) -> tuple[np.ndarray, Series]:
     return rest, _empty_series(settings.models, records)
 
 
-def _models(noise, forms, transition, sizes) -> Models:
+def _models(
+    noise: ArrayLike, forms: Sequence[str], transition: ArrayLike, sizes: dict[str, int]
+) -> Models:
     noise = array("noise", noise, ("models", 2), sizes, at_least=0)
     T = imm._distributions("transition", transition, ("models", "models"), sizes, axis=1)
     if not isinstance(forms, (list, tuple)) or len(forms) != len(T):
@@ -321,12 +334,12 @@ def _models(noise, forms, transition, sizes) -> Models:
     return Models(noise[:, 0].copy(), noise[:, 1].copy(), np.array(numbers), T)
 
 
-def _filters(x0, P0, mu0, sizes) -> Filters:
+def _filters(x0: ArrayLike, P0: ArrayLike, mu0: ArrayLike, sizes: dict[str, int]) -> Filters:
     x0 = array("x0", x0, (NOMINAL, "runs"), sizes)
     P0 = array("P0", P0, ("models", PACKED, "runs"), sizes)
-    mu0 = imm._distributions("mu0", mu0, ("models",), sizes)
+    mu = imm._distributions("mu0", mu0, ("models",), sizes)
     least = float(P0[:, np.diagonal(AT)].min())
     if least < 0:
         raise ParameterError("P0", least, "must not be negative on the diagonal")
     x = np.repeat(x0[None], len(P0), axis=0)
-    return Filters(x, P0.copy(), np.repeat(mu0[:, None], LANES, axis=1))
+    return Filters(x, P0.copy(), np.repeat(mu[:, None], LANES, axis=1))

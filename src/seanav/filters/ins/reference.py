@@ -8,9 +8,11 @@ Source: Cha, Hwang and Park, *The Journal of Navigation*, 2022, equations (6)-(2
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav.filters.ins.layout import KEPT
 from seanav.filters.ins.score import Flight, MeanSquares, Series
@@ -67,7 +69,9 @@ def from_nominal(x: np.ndarray, height: float) -> State:
 # ---------------------------------------------------------------- one extended Kalman filter
 
 
-def predict(state: State, P, theta, dv, decay, Q):
+def predict(
+    state: State, P: np.ndarray, theta: np.ndarray, dv: np.ndarray, decay: float, Q: np.ndarray
+) -> tuple[State, np.ndarray]:
     """Mechanise one second and carry the covariance through it: (6)-(10)."""
     # The biases acted inside the second: on average after half of its rotation.
     theta = theta - state.b_g * DT
@@ -94,7 +98,7 @@ def predict(state: State, P, theta, dv, decay, Q):
     return after, Phi @ P @ Phi.T + Q
 
 
-def transition(F, decay):
+def transition(F: np.ndarray, decay: float) -> np.ndarray:
     """Return Phi of one second: attitude first, then velocity, then position, as mechanised.
 
     Each block is moved by the mean, over the second, of the errors that drive it.
@@ -108,7 +112,7 @@ def transition(F, decay):
     return Phi
 
 
-def log_row(state: State, axis, about, heading):
+def log_row(state: State, axis: int, about: str, heading: float) -> tuple:
     """Return the log's predicted value and its row of H, equation (11)."""
     ahead, relative = state.C_bn[:, axis], state.v_n - state.v_c
     h, predicted = np.zeros(STATES), ahead @ relative
@@ -121,7 +125,19 @@ def log_row(state: State, axis, about, heading):
     return predicted, h
 
 
-def adapt(state, P, z, past, form, q, R, window, cap, about, heading):
+def adapt(
+    state: State,
+    P: np.ndarray,
+    z: np.ndarray,
+    past: list[float],
+    form: str,
+    q: float,
+    R: float,
+    window: int,
+    cap: float,
+    about: str,
+    heading: float,
+) -> tuple[float, np.ndarray, float]:
     """Return beta, the adapted covariance and the factor of the gain: (14)-(17)."""
     squared = spread = 0.0
     for axis, measured in enumerate(z):
@@ -145,7 +161,9 @@ def adapt(state, P, z, past, form, q, R, window, cap, about, heading):
     return beta, P, 1.0 / beta if form == "literal-gain" else 1.0
 
 
-def update(state, P, z, R, gain, about, heading):
+def update(
+    state: State, P: np.ndarray, z: np.ndarray, R: float, gain: float, about: str, heading: float
+) -> tuple[State, np.ndarray, float, float]:
     """Return state, covariance, NIS and log likelihood after one second's log: (23), (24)."""
     nis = log_likelihood = 0.0
     for axis, measured in enumerate(z):
@@ -163,7 +181,9 @@ def update(state, P, z, R, gain, about, heading):
 # ---------------------------------------------------------------- the IMM of several
 
 
-def combine(weights, states, covariances):
+def combine(
+    weights: np.ndarray, states: list[State], covariances: list[np.ndarray]
+) -> tuple[State, np.ndarray]:
     """Return the one Gaussian that has the moments of a mixture: (22), (26)."""
     about = states[0]
     errors = np.array([state.minus(about) for state in states])
@@ -173,9 +193,10 @@ def combine(weights, states, covariances):
 
 
 def fly(
-    theta, dv, z, truth, x0, P0,
-    *, height, R, noise, forms, velocity_noise, attitude_noise, transition, mu0,
-    window=20, cap=10.0, about="estimate", true_rest,
+    theta: np.ndarray, dv: np.ndarray, z: np.ndarray, truth: np.ndarray, x0: np.ndarray,
+    P0: np.ndarray, *, height: float, R: float, noise: Sequence, forms: Sequence[str],
+    velocity_noise: float, attitude_noise: float, transition: ArrayLike, mu0: ArrayLike,
+    window: int = 20, cap: float = 10.0, about: str = "estimate", true_rest: np.ndarray,
 ) -> Flight:  # fmt: skip
     """Fly one run; every step is recorded.
 
@@ -216,7 +237,7 @@ def fly(
     return score(series, np.array(nis), beta, np.array(P))
 
 
-def score(series, nis, beta, P) -> Flight:
+def score(series: Series, nis: np.ndarray, beta: np.ndarray, P: np.ndarray) -> Flight:
     """Return means over time by their names; `nis` and `beta` are (steps, models)."""
     squared, modes = series.errors**2, series.mode_probability
     north, east, v_N, v_E, phi_N, phi_E, phi_D = squared[:, :7].mean(axis=0)

@@ -7,7 +7,7 @@ import numpy as np
 from seanav import estimates, montecarlo
 from seanav.filters import adaptive
 from seanav.studies.adaptive_fading import run, scores
-from seanav.studies.adaptive_fading.scenario import FAULTS, HEALTHY_FROM
+from seanav.studies.adaptive_fading.scenario import FAULTS, HEALTHY_FROM, Scenario
 
 WINDOWS = (1, 5, 10, 20, 30)
 
@@ -31,7 +31,7 @@ class Setting(NamedTuple):
     ratios: dict  # {(one, other): Estimate of the RMSE ratio, geometric mean of the states}
 
 
-def random_setting(generator):
+def random_setting(generator: np.random.Generator) -> tuple:
     """Draw fault, fin signal, measured states, window, units and variances at random."""
     pick = generator.integers
     return (
@@ -45,7 +45,7 @@ def random_setting(generator):
     )
 
 
-def sweep(scenario):
+def sweep(scenario: Scenario) -> list[Setting]:
     """Return `scenario.settings` random settings of the steering plane with their ratios.
 
     Each has its own noise, `scenario.sweep_runs` runs of it. Compared after the fault:
@@ -87,7 +87,7 @@ def _one(scenario, index, setting):
     return Setting(*setting, ratios)
 
 
-def shares(settings, one, other):
+def shares(settings: list[Setting], one: str, other: str) -> tuple:
     """Return the share of settings that `one` wins, and counts (wins, ties, losses) by interval."""
     ratios = [setting.ratios[one, other] for setting in settings]
     wins = sum(r.value < 1 for r in ratios)
@@ -105,7 +105,7 @@ class Detection(NamedTuple):
     missed: np.ndarray  # (k,) share of runs without an alarm to the end
 
 
-def first_alarm(beta, limit, dt):
+def first_alarm(beta: np.ndarray, limit: float, dt: float) -> np.ndarray:
     """Return each run's time from the start of `beta` (runs, steps) to its first alarm, s.
 
     The first sample counts `dt`. Without an alarm the result is NaN.
@@ -115,12 +115,14 @@ def first_alarm(beta, limit, dt):
     return np.where(alarm.any(axis=1), first, np.nan)
 
 
-def moving_sum(beta, length):
+def moving_sum(beta: np.ndarray, length: int) -> np.ndarray:
     """Return the sum of the latest `length` values along time, (runs, steps − length + 1)."""
     return np.lib.stride_tricks.sliding_window_view(beta, length, axis=1).sum(axis=-1)
 
 
-def detection(scenario, plane="steering", alphas=ALPHAS):
+def detection(
+    scenario: Scenario, plane: str = "steering", alphas: tuple[float, ...] = ALPHAS
+) -> dict[str, Detection]:
     """Return {fault: Detection} for the optimal filter's β, and for no fault at all."""
     noise = run.draw(scenario, plane)
 
@@ -143,7 +145,9 @@ def detection(scenario, plane="steering", alphas=ALPHAS):
     return dict(zip(faults, montecarlo.parallel_map(one, faults), strict=True))
 
 
-def healthy_cost(scenario, plane="steering", alphas=ALPHAS):
+def healthy_cost(
+    scenario: Scenario, plane: str = "steering", alphas: tuple[float, ...] = ALPHAS
+) -> dict[str, list[estimates.Estimate]]:
     """Return {filter: [ratio of its healthy RMSE to the optimal filter's, for each α]}."""
     case = run.problem(scenario, plane, fault="none")
     truth, z = run.simulate(case, run.draw(scenario, plane))
@@ -161,16 +165,19 @@ def healthy_cost(scenario, plane="steering", alphas=ALPHAS):
     return {name: [next(ratios) for _ in alphas] for name in fading}
 
 
-def window_effect(scenario, windows=(1, 2, 5, 10, 20, 30, 50)):
+def window_effect(
+    scenario: Scenario, windows: tuple[int, ...] = (1, 2, 5, 10, 20, 30, 50)
+) -> dict[tuple[str, str], list[estimates.Estimate]]:
     """Return {(method, noise): [ratio to the OKF after the fault, for each window]}."""
     noise = run.draw(scenario)
     result = {}
-    for label, given in (("iso", {}), ("base", run.BASE)):
+    settings: dict[str, dict] = {"iso": {}, "base": run.BASE}
+    for label, given in settings.items():
         case = run.problem(scenario, **given)
         truth, z = run.simulate(case, noise)
         optimal = scores.squares(run.estimate(scenario, case, z).x - truth, case.faulty)
         for method in ("single", "multiple"):
-            jobs = [{"method": method, "window": window} for window in windows]
+            jobs: list[dict] = [{"method": method, "window": window} for window in windows]
             result[method, label] = [
                 scores.ratio(
                     scores.squares(
@@ -183,7 +190,7 @@ def window_effect(scenario, windows=(1, 2, 5, 10, 20, 30, 50)):
     return result
 
 
-def unit_change(scenario, name, factors):
+def unit_change(scenario: Scenario, name: str, factors: list[float]) -> list[estimates.Estimate]:
     """Return the ratio of a fading filter's RMSE with ψ in other units to that in radians.
 
     `factors` multiply ψ; 180/π makes it degrees. Geometric mean over the states.

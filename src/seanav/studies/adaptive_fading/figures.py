@@ -1,15 +1,20 @@
 """Paper 3: the drawings; each function returns a figure and computes nothing new."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from seanav import plots
+from seanav.studies.adaptive_fading.beyond import Detection, Setting
+from seanav.studies.adaptive_fading.run import Outcome, Problem
 
 GREEK = {"psi": "ψ", "theta": "θ"}
 
 
-def style(name):
+def style(name: str) -> dict[str, Any]:
     """Return the line style of a filter, the same in every figure."""
     kinds = {"OKF": "optimal", "larger Q": "Kalman", "input bias": "hybrid"}
     fading = "adaptive" if name.startswith("SFF") else "adaptive, one per state"
@@ -18,7 +23,7 @@ def style(name):
     return style | {"linewidth": 0.9 if name.endswith("(1)") else 1.5, "marker": None}
 
 
-def axes_of_motion():
+def axes_of_motion() -> Figure:
     """Draw the body axes with the six motion variables."""
     fig, ax = plt.subplots(figsize=(6.4, 3.6))
     t = np.linspace(0, 2 * np.pi, 200)
@@ -42,7 +47,9 @@ def axes_of_motion():
     return fig
 
 
-def statistic(case, outcome, limit, fault_time, run=0):
+def statistic(
+    case: Problem, outcome: Outcome, limit: float, fault_time: float, run: int = 0
+) -> Figure:
     """Draw β of one run before and after adaptation against its threshold."""
     fig, ax = plt.subplots(figsize=(6.8, 3.4))
     ax.semilogy(case.times, outcome.before[run], color="0.55", linewidth=0.8, linestyle="-",
@@ -57,7 +64,9 @@ def statistic(case, outcome, limit, fault_time, run=0):
     return fig
 
 
-def estimates(case, truth, outcome, fault_time, run=0):
+def estimates(
+    case: Problem, truth: np.ndarray, outcome: Outcome, fault_time: float, run: int = 0
+) -> Figure:
     """Draw true and estimated states of one run, and the RMSE over all runs beside them."""
     n = len(case.states)
     fig, axes = plt.subplots(n, 2, figsize=(8.6, 1.75 * n), sharex=True, width_ratios=(2, 1.3))
@@ -78,7 +87,7 @@ def estimates(case, truth, outcome, fault_time, run=0):
     return fig
 
 
-def divergence(cases):
+def divergence(cases: dict[str, tuple[np.ndarray, ...]]) -> Figure:
     """Draw the optimal filter's RMSE of ψ; `cases` maps a label to (times, rmse)."""
     fig, ax = plt.subplots()
     for label, (times, rms) in cases.items():
@@ -88,7 +97,7 @@ def divergence(cases):
     return fig
 
 
-def detection(curves):
+def detection(curves: dict[str, Detection]) -> Figure:
     """Draw the mean delay to the first alarm against the rate of false alarms."""
     fig, ax = plt.subplots(figsize=(6.8, 4.2))
     for fault, curve in curves.items():
@@ -111,7 +120,7 @@ def _point(setting):
     return noise, spread, window, np.clip(np.log2(setting.ratios["MFF", "SFF"].value), -1, 1)
 
 
-def sweep_map(settings):
+def sweep_map(settings: list[Setting]) -> Figure:
     """Draw where MFF beats SFF at equal windows, over noise ratio and window."""
     fig, axes = plt.subplots(1, 2, figsize=(9.4, 4.2), sharey=True)
     faults = sorted({s.fault for s in settings})
@@ -146,7 +155,9 @@ def sweep_map(settings):
     return fig
 
 
-def consistency(case, outcomes, bounds, fault_time):
+def consistency(
+    case: Problem, outcomes: dict[str, Outcome], bounds: tuple[float, ...], fault_time: float
+) -> Figure:
     """Draw the mean NEES over the runs of each filter, with its two-sided 95 % bounds."""
     fig, ax = plt.subplots(figsize=(6.8, 4.2))
     width = 10  # steps averaged for the eye; the bounds are those of a single step

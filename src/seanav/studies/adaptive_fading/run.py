@@ -1,13 +1,15 @@
 """Paper 3: truth, measurements and filters of both planes."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav import montecarlo
 from seanav.filters import adaptive, kalman
 from seanav.models import vehicles
-from seanav.studies.adaptive_fading.scenario import HEALTHY_FROM, PLANES, SETTLING
+from seanav.studies.adaptive_fading.scenario import HEALTHY_FROM, PLANES, SETTLING, Scenario
 
 # The second setting of the steering plane: noises that differ from state to state.
 BASE = {"Q": (1e-5, 1e-5, 1e-7), "R": (0.05**2, 0.02**2, 0.02**2)}
@@ -32,7 +34,7 @@ class Problem(NamedTuple):
     faulty: np.ndarray  # (steps,) bool, samples of the score after the fault
 
 
-def command(scenario, fin=None):
+def command(scenario: Scenario, fin: str | None = None) -> np.ndarray:
     """Return the fin angle that is held during each step, (steps,) rad."""
     t = np.arange(round(scenario.duration / scenario.dt)) * scenario.dt
     if (fin or scenario.fin) == "step":
@@ -40,7 +42,7 @@ def command(scenario, fin=None):
     return scenario.fin_rad * np.sin(2 * np.pi * t / scenario.fin_period)
 
 
-def with_fault(scenario, angles, fault):
+def with_fault(scenario: Scenario, angles: np.ndarray, fault: str) -> np.ndarray:
     """Return the angle that the fin really has; from the fault on it is another one."""
     t = np.arange(len(angles)) * scenario.dt
     broken = {
@@ -54,8 +56,17 @@ def with_fault(scenario, angles, fault):
     return np.where(t >= scenario.fault_time - 1e-9, broken, angles)
 
 
-def problem(scenario, plane="steering", *, fault=None, fin=None, measured=None, Q=None, R=None,
-            units=None):  # fmt: skip
+def problem(
+    scenario: Scenario,
+    plane: str = "steering",
+    *,
+    fault: str | None = None,
+    fin: str | None = None,
+    measured: Sequence[str] | None = None,
+    Q: Sequence[float] | None = None,
+    R: Sequence[float] | None = None,
+    units: ArrayLike | None = None,
+) -> Problem:
     """Return the `Problem` of a plane; what is not given is the scenario's.
 
     Parameters
@@ -75,12 +86,13 @@ def problem(scenario, plane="steering", *, fault=None, fin=None, measured=None, 
     Phi, B = Phi * scale[:, None] / scale, B * scale
     angles = command(scenario, fin)
     actual = with_fault(scenario, angles, fault or scenario.fault)
-    Q = np.diag(getattr(scenario, f"Q_{plane}") if Q is None else Q) * scale**2
-    R = np.diag(getattr(scenario, f"R_{plane}") if R is None else R) * scale**2
+    given = [getattr(scenario, f"Q_{plane}") if Q is None else Q]
+    given += [getattr(scenario, f"R_{plane}") if R is None else R]
+    process, measurement = (np.diag(variances) * scale**2 for variances in given)
     H = scenario.measurement(plane, measured)
     times = np.arange(1, len(angles) + 1) * scenario.dt
     return Problem(
-        plane, model.states, model.units, times, Phi, B, H, Q, H @ R @ H.T,
+        plane, model.states, model.units, times, Phi, B, H, process, H @ measurement @ H.T,
         np.eye(len(B)) * scenario.initial_variance * scale**2,
         np.outer(angles, B), np.outer(actual, B),
         (times > HEALTHY_FROM) & (times <= scenario.fault_time),
@@ -95,7 +107,9 @@ class Noise(NamedTuple):
     measurement: np.ndarray  # (runs, steps, n), one for each state, measured or not
 
 
-def draw(scenario, plane="steering", purpose="", runs=None):
+def draw(
+    scenario: Scenario, plane: str = "steering", purpose: str = "", runs: int | None = None
+) -> Noise:
     """Draw the random numbers of a plane, one stream per run and purpose."""
     n = len(PLANES[plane].states)
     shape = (round(scenario.duration / scenario.dt), n)
@@ -109,7 +123,7 @@ def draw(scenario, plane="steering", purpose="", runs=None):
     )
 
 
-def simulate(case, noise):
+def simulate(case: Problem, noise: Noise) -> tuple[np.ndarray, ...]:
     """Return truth (runs, steps, n) and measurements (runs, steps, m) of a `Problem`."""
     process = noise.process * np.sqrt(np.diagonal(case.Q))
     start = np.zeros((len(process), len(case.B)))
@@ -118,7 +132,7 @@ def simulate(case, noise):
     return truth, z
 
 
-def filters(scenario):
+def filters(scenario: Scenario) -> dict:
     """Return the compared filters: {name: options}, the fading ones at μ = 1 and the window."""
     names = {"OKF": {}}
     for method, short in (("single", "SFF"), ("multiple", "MFF")):
@@ -137,7 +151,7 @@ class Outcome(NamedTuple):
     factors: np.ndarray | None  # (runs, steps, n)
 
 
-def with_input_bias(scenario, case):
+def with_input_bias(scenario: Scenario, case: Problem) -> tuple[np.ndarray, ...]:
     """Return the model (Phi, offsets, H, Q, P0) with one more state, a fin angle that is off.
 
     The bias is a random walk with `bias_walk_rad` per step, known to start near zero.
@@ -151,8 +165,18 @@ def with_input_bias(scenario, case):
     return Phi, offsets, np.hstack([case.H, np.zeros((len(case.H), 1))]), Q, P0
 
 
-def estimate(scenario, case, z, *, method=None, window=1, scale=1.0, augmented=False, alpha=None,
-             floor=1.0):  # fmt: skip
+def estimate(
+    scenario: Scenario,
+    case: Problem,
+    z: np.ndarray,
+    *,
+    method: str | None = None,
+    window: int = 1,
+    scale: float = 1.0,
+    augmented: bool = False,
+    alpha: float | None = None,
+    floor: float = 1.0,
+) -> adaptive.AdaptiveTrack | kalman.Track:
     """Run one filter of `filters` on measurements (runs, steps, m)."""
     Phi, offsets, H, Q, P0 = case.Phi, case.believed, case.H, case.Q * scale, case.P0
     if augmented:
@@ -160,13 +184,15 @@ def estimate(scenario, case, z, *, method=None, window=1, scale=1.0, augmented=F
     x0 = np.zeros((len(z), len(Phi)))
     if method is None:
         return kalman.run(Phi, offsets, H, Q, case.R, x0, P0, z)
-    options = {"trigger": scenario.trigger, "alpha": alpha or scenario.alpha, "floor": floor}
     return adaptive.run(
-        Phi, offsets, H, Q, case.R, x0, P0, z, method=method, window=window, **options
-    )
+        Phi, offsets, H, Q, case.R, x0, P0, z, method=method, window=window,
+        trigger=scenario.trigger, alpha=alpha or scenario.alpha, floor=floor,
+    )  # fmt: skip
 
 
-def compare(scenario, case, noise, names=None):
+def compare(
+    scenario: Scenario, case: Problem, noise: Noise, names: list[str] | None = None
+) -> tuple:
     """Return the truth and the `Outcome` of every filter, or of those in `names`."""
     truth, z = simulate(case, noise)
     n = len(case.B)

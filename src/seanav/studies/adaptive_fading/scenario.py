@@ -1,5 +1,7 @@
 """Paper 3: what can be chosen. Hajiyev, Vural and Hajiyeva."""
 
+from collections.abc import Sequence
+
 import attrs
 import numpy as np
 
@@ -127,7 +129,7 @@ class Scenario(Parameters):
             allowed = f"must be above 0 for {', '.join(needed)}, which are measured"
             raise ParameterError(name, list(values), allowed)
 
-    def measurement(self, plane: str, measured: tuple | None = None) -> np.ndarray:
+    def measurement(self, plane: str, measured: Sequence[str] | None = None) -> np.ndarray:
         """Return H of a plane, (measured, states): the rows of the measured states."""
         states = PLANES[plane].states
         chosen = measured or getattr(self, f"measured_{plane}")

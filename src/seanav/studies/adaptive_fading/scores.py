@@ -1,20 +1,24 @@
 """Paper 3: errors, ratios, exceedance, growth, with their intervals; operations counted."""
 
+import numpy as np
+
 from seanav import estimates
 from seanav.estimates import rms
+from seanav.studies.adaptive_fading.run import Outcome, Problem
+from seanav.studies.adaptive_fading.scenario import Scenario
 
 
-def squares(errors, samples):
+def squares(errors: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Return each run's mean squared error over the chosen samples, (runs, n)."""
     return (errors[:, samples] ** 2).mean(axis=1)
 
 
-def rmse(errors, samples, state):
+def rmse(errors: np.ndarray, samples: np.ndarray, state: int) -> estimates.Estimate:
     """Return the RMSE of a state over runs and samples."""
     return estimates.root_mean_square(squares(errors, samples)[:, state])
 
 
-def ratio(one, other, state=None):
+def ratio(one: np.ndarray, other: np.ndarray, state: int | None = None) -> estimates.Estimate:
     """Return the ratio of two RMSEs, paired through the common noise.
 
     Parameters
@@ -29,17 +33,17 @@ def ratio(one, other, state=None):
     return estimates.exponential(chosen.estimate())
 
 
-def exceedance(beta, samples, limit):
+def exceedance(beta: np.ndarray, samples: np.ndarray, limit: float) -> estimates.Estimate:
     """Return the share of samples at which β exceeds `limit`; an interval over runs."""
     return estimates.mean((beta[:, samples] > limit).mean(axis=1))
 
 
-def mean_nees(nees, samples):
+def mean_nees(nees: np.ndarray, samples: np.ndarray) -> estimates.Estimate:
     """Return the mean NEES over runs and samples."""
     return estimates.mean(nees[:, samples].mean(axis=1))
 
 
-def growth(errors, case, scenario, state):
+def growth(errors: np.ndarray, case: Problem, scenario: Scenario, state: int) -> estimates.Estimate:
     """Return the RMSE of the last 20 % of the run over that of the 20 % before it.
 
     Both are one period of the default fin signal, so a steady error gives 1.
@@ -50,7 +54,7 @@ def growth(errors, case, scenario, state):
     return ratio(squares(errors, late), squares(errors, early), state)
 
 
-def systematic_share(errors, samples, state):
+def systematic_share(errors: np.ndarray, samples: np.ndarray, state: int) -> estimates.Estimate:
     """Return the share of the mean squared error that is the same in all runs.
 
     The mean over runs, squared, less what chance alone gives it; 0 for an estimate that
@@ -67,7 +71,7 @@ def systematic_share(errors, samples, state):
     return estimates.from_influence(bias / total, influence)
 
 
-def table_rows(case, outcomes):
+def table_rows(case: Problem, outcomes: dict[str, Outcome]) -> list:
     """Return rows (filter, state, unit, healthy RMSE and interval, faulty RMSE and interval)."""
     rows = []
     for name, outcome in outcomes.items():
@@ -79,7 +83,7 @@ def table_rows(case, outcomes):
     return rows
 
 
-def operations(n, m, method=None, window=1):
+def operations(n: int, m: int, method: str | None = None, window: int = 1) -> int:
     """Return the multiplications of one filter step with full matrices, runs apart.
 
     Counted from the equations as a program would do them; no timing enters, so the number

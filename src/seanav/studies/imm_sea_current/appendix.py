@@ -8,12 +8,20 @@ from seanav.filters import linear_covariance
 from seanav.models import currents
 
 
-def one_step(P11, P12, P22, R):
+def one_step(P11: float, P12: float, P22: float, R: float) -> float:
     """Return the velocity variance after one measurement of v − v_c, equation (B3)."""
     return P11 - (P11 - P12) ** 2 / (P11 - 2 * P12 + P22 + R)
 
 
-def riccati(sigma, steps, *, velocity_std, drift, log_noise, correlation_time):
+def riccati(
+    sigma: float,
+    steps: int,
+    *,
+    velocity_std: float,
+    drift: float,
+    log_noise: float,
+    correlation_time: float,
+) -> tuple[np.ndarray, ...]:
     """Return gains (steps, 2), covariances before and after each update, (steps, 2, 2).
 
     The velocity error is a random walk that starts with `velocity_std` (m/s) and gains the
@@ -29,7 +37,16 @@ def riccati(sigma, steps, *, velocity_std, drift, log_noise, correlation_time):
     return gains, before, after[1:]
 
 
-def simulate(sigma, steps, noise, *, velocity_std, drift, log_noise, correlation_time):
+def simulate(
+    sigma: float,
+    steps: int,
+    noise: np.ndarray,
+    *,
+    velocity_std: float,
+    drift: float,
+    log_noise: float,
+    correlation_time: float,
+) -> np.ndarray:
     """Return errors after each update, (steps, 2, runs), from standard normal `noise`.
 
     `noise` has shape (runs, steps + 1, 3); its first row draws the errors at the start.

@@ -1,6 +1,7 @@
 """Paper 4, beyond the paper: chains, starts, three models, a changing sea, assumptions."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import attrs
@@ -9,25 +10,27 @@ import numpy as np
 from seanav import montecarlo
 from seanav.checks import ParameterError
 from seanav.filters import fading
+from seanav.filters.ins.score import Flight
 from seanav.studies.imm_sea_current import linear, printed, run
+from seanav.studies.imm_sea_current.scenario import Scenario
 
 GRID = (0.05, 0.1, 0.3, 0.6, 1.0)  # of the true sigma, m/s, where the scenario's grid has them
 STAY = (0.8, 0.9, 0.95, 0.98)
 
 
-def grid(scenario):
+def grid(scenario: Scenario) -> tuple[float, ...]:
     """Return the points of `GRID` that the scenario has, or else all of its own."""
     return tuple(s for s in scenario.sigma_true if s in GRID) or scenario.sigma_true
 
 
-def chain(p, models=2):
+def chain(p: float, models: int = 2) -> tuple:
     """Return a transition matrix whose diagonal is p, the rest shared evenly."""
     T = np.full((models, models), (1.0 - p) / (models - 1))
     np.fill_diagonal(T, p)
     return tuple(map(tuple, T.tolist()))
 
 
-def with_chain(filter_, p):
+def with_chain(filter_: run.Filter, p: float) -> run.Filter:
     """Return an IMM with another p and even initial probabilities."""
     models = len(filter_.sigma)
     return replace(
@@ -38,7 +41,7 @@ def with_chain(filter_, p):
     )
 
 
-def chains(scenario, swept):
+def chains(scenario: Scenario, swept: dict[str, list[Flight]]) -> dict[str, list[Flight]]:
     """Fly the IMMs of the paper with every p of `STAY`; `swept` is the sweep of the paper."""
     known, filters = dict(swept), []
     for pair in imms(scenario):
@@ -51,13 +54,13 @@ def chains(scenario, swept):
     return _only(found, filters)
 
 
-def stationary(scenario):
+def stationary(scenario: Scenario) -> dict[str, list[Flight]]:
     """Fly the IMMs of the paper with the current starting from its stationary law."""
     scenario = attrs.evolve(scenario, initial_current="stationary")
     return run.sweep(scenario, imms(scenario), grid(scenario), label="initial current")
 
 
-def three(scenario, swept):
+def three(scenario: Scenario, swept: dict[str, list[Flight]]) -> dict[str, list[Flight]]:
     """Fly IMMs of all models, with fading and without, beside those of two."""
     if len(scenario.sigma_filter) < 2:
         return swept
@@ -70,7 +73,7 @@ def three(scenario, swept):
     return _only(found, [*filters, *pairs])
 
 
-def imms(scenario):
+def imms(scenario: Scenario) -> Sequence:
     """Return the IMMs of the paper."""
     return [run.AFEKF(scenario, *pair) for pair in run.pairs(scenario)]
 
@@ -80,7 +83,9 @@ def _only(found, filters):
     return {name: found[name] for name in names}
 
 
-def changing(scenario, low=0.1, high=0.8, stride=60):
+def changing(
+    scenario: Scenario, low: float = 0.1, high: float = 0.8, stride: int = 60
+) -> dict[str, Flight]:
     """Fly a mission whose current grows from `low` to `high` (m/s) at half time.
 
     Returns
@@ -95,7 +100,9 @@ def changing(scenario, low=0.1, high=0.8, stride=60):
     return {f.name: mission for f, mission in zip(filters, missions, strict=True)}
 
 
-def forms(scenario, sigma_filter=0.1, sigmas=(0.05, 1.0)):
+def forms(
+    scenario: Scenario, sigma_filter: float = 0.1, sigmas: tuple[float, ...] = (0.05, 1.0)
+) -> dict[str, list[Flight]]:
     """Fly one adaptive filter in every fading form; {form: [Flight per true sigma]}."""
     made = {form: run.Filter(form, (sigma_filter,), form) for form in fading.FORMS}
     jobs = [(one, sigma) for one in made.values() for sigma in sigmas]
@@ -103,7 +110,7 @@ def forms(scenario, sigma_filter=0.1, sigmas=(0.05, 1.0)):
     return {form: [next(missions) for _ in sigmas] for form in made}
 
 
-def linearised(scenario, about):
+def linearised(scenario: Scenario, about: str) -> dict[tuple[float, ...], Flight]:
     """Fly the EKFs of Tables 2 and 3 with H at the `about` of `seanav.filters.ins.fly`.
 
     Returns
@@ -119,7 +126,7 @@ def linearised(scenario, about):
     return dict(zip(cases, missions, strict=True))
 
 
-def assumptions(scenario):
+def assumptions(scenario: Scenario) -> list:
     """Return the table rows (what, RMS of ln(ours / printed)) of the EKF cells, linear.
 
     Each row changes one assumed value of the scenario; NaN where the rest of the scenario
@@ -152,7 +159,7 @@ def assumptions(scenario):
     return montecarlo.parallel_map(one, variants, label="assumptions")
 
 
-def table_distance(scenario):
+def table_distance(scenario: Scenario) -> float:
     """Return the RMS of ln(ours / printed) of the 16 EKF cells by linear covariance."""
     logs = []
     for table, sigma in printed.SIGMA.items():

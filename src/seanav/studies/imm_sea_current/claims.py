@@ -6,10 +6,13 @@ What a table, a figure or a claim asks for is then a sentence that says so in pl
 """
 
 import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
-from seanav.report import Condition, significant
+from seanav.estimates import Estimate
+from seanav.report import Condition, Report, significant
 from seanav.studies.imm_sea_current import scores
 
 PURE, BEST = "pure navigation", "optimal EKF"
@@ -28,7 +31,7 @@ class Flown:
     def __init__(self, grid, results):
         self.grid, self.results = tuple(grid), results
 
-    def score(self, score, *needs):
+    def score(self, score: Callable, *needs: Any) -> Any:
         """Return ``score(flight, …)`` of the needed (name, sigma), or why there is none."""
         flights = []
         for name, sigma in needs:
@@ -39,19 +42,19 @@ class Flown:
                 return f"{name} at {sigma:g} m/s diverged"
         return score(*flights)
 
-    def curve(self, score, name):
+    def curve(self, score: Callable, name: str) -> list:
         """Return the score of one filter over the grid."""
         return [self.score(score, (name, sigma)) for sigma in self.grid]
 
-    def rate(self, name, sigma):
+    def rate(self, name: str, sigma: float) -> Estimate | str:
         """Return the TCEP rate, equation (28)."""
         return self.score(scores.rate, *((n, sigma) for n in (name, PURE, BEST)))
 
-    def rates(self, name):
+    def rates(self, name: str) -> list:
         """Return the TCEP rate of one filter over the grid."""
         return [self.rate(name, sigma) for sigma in self.grid]
 
-    def between(self, score, *pairs):
+    def between(self, score: Callable, *pairs: Any) -> Estimate | str:
         """Return ``score(three, …)``: of each (name, sigma) with pure and optimal beside it."""
         needs = [(n, sigma) for name, sigma in pairs for n in (name, PURE, BEST)]
 
@@ -60,29 +63,31 @@ class Flown:
 
         return self.score(grouped, *needs)
 
-    def versus(self, name, other, sigma):
+    def versus(self, name: str, other: str, sigma: float) -> Estimate | str:
         """Return ln of the ratio of two TCEPs on the same runs."""
         return self.score(scores.tcep_log_ratio, (name, sigma), (other, sigma))
 
 
-def there(found):
+def there(found: Iterable) -> list:
     """Return what of a list of estimates and reasons is there."""
     return [x for x in found if not isinstance(x, str)]
 
 
-def shown(x, unit=""):
+def shown(x: Any, unit: str = "") -> str:
     """Return an estimate or number as text with its unit, or why there is none."""
     if isinstance(x, str):
         return "diverged" if x.endswith("diverged") else "not run"
     return f"{significant(x)}{unit}"
 
 
-def condition(what, estimate, low=-math.inf, high=math.inf):
+def condition(
+    what: str, estimate: Estimate | str, low: float = -math.inf, high: float = math.inf
+) -> Condition | str:
     """Return a `Condition`, or the reason why it cannot be tested."""
     return estimate if isinstance(estimate, str) else Condition(what, estimate, low, high)
 
 
-def judge(report, number, text, found, basis):
+def judge(report: Report, number: str, text: str, found: Sequence, basis: str) -> None:
     """Judge a claim by those conditions that could be tested; name the others in its basis."""
     missing = list(dict.fromkeys(x for x in found if isinstance(x, str)))
     if missing or not found:
@@ -91,7 +96,7 @@ def judge(report, number, text, found, basis):
     report.claim(number, text, there(found), basis)
 
 
-def crossing(grid, curve, level):
+def crossing(grid: np.ndarray, curve: list[float], level: float) -> str:
     """Return in words where a curve first rises above a constant level, by interpolation."""
     where = scores.crossing(grid, curve, np.full(len(grid), level))
     if where is not None:

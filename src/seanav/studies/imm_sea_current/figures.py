@@ -1,18 +1,23 @@
 """Paper 4: the pictures. Each function returns a matplotlib figure."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
 from seanav import plots
 from seanav.models import earth
+from seanav.models.trajectories import Trajectory
 from seanav.models.units import KM
 from seanav.studies.imm_sea_current import scores
-from seanav.studies.imm_sea_current.claims import BEST, PURE
+from seanav.studies.imm_sea_current.claims import BEST, PURE, Flown
 
 SIGMA = r"$\sigma_T$ (m/s)"
 
 
-def style(name):
+def style(name: str) -> dict[str, Any]:
     """Return the line style of a filter, the same in every figure."""
     if name == "pure navigation":
         return plots.look("open loop")
@@ -29,7 +34,7 @@ def _axes(columns=2, height=3.4, rows=1):
     return fig, axes
 
 
-def structure(models=2):
+def structure(models: int = 2) -> Figure:
     """Draw the four steps of the IMM (figure 1)."""
     fig, axis = plt.subplots(figsize=(8.5, 3.6))
     axis.set(xlim=(0, 10), ylim=(0, 4))
@@ -56,7 +61,7 @@ def structure(models=2):
     return fig
 
 
-def trajectory(path):
+def trajectory(path: Trajectory) -> Figure:
     """Draw the path (figure 2)."""
     latitude, longitude, _, _ = path.states()
     R_n, R_t = earth.radii(path.latitude)
@@ -72,7 +77,9 @@ def trajectory(path):
     return fig
 
 
-def tcep_and_rate(flown, names, linear=None):
+def tcep_and_rate(
+    flown: Flown, names: Sequence, linear: dict[str, list[float]] | None = None
+) -> Figure:
     """Draw (a) TCEP and (b) its rate against sigma_T with 95 % bands (figures 3 to 5).
 
     `flown` is the sweep, a `claims.Flown`; `linear` maps names to exact TCEPs on the grid,
@@ -95,7 +102,7 @@ def tcep_and_rate(flown, names, linear=None):
     return fig
 
 
-def modes(flown, names):
+def modes(flown: Flown, names: Sequence) -> Figure:
     """Draw the mean mode probabilities of both sub-filters (figure 6)."""
     fig, axes = _axes()
     for model, axis in enumerate(axes):
@@ -108,7 +115,7 @@ def modes(flown, names):
     return fig
 
 
-def rates(flown, panels):
+def rates(flown: Flown, panels: dict) -> Figure:
     """Draw TCEP rates with bands; `panels` maps a title to the names of its curves."""
     panels = panels or {"nothing was run": []}
     fig, axes = plt.subplots(
@@ -124,7 +131,15 @@ def rates(flown, panels):
     return fig
 
 
-def bars(names, values, xlabel, *, log=False, mark=None, most=np.inf):
+def bars(
+    names: Sequence,
+    values: Sequence,
+    xlabel: str,
+    *,
+    log: bool = False,
+    mark: float | None = None,
+    most: float = np.inf,
+) -> Figure:
     """Draw one horizontal bar for each name; one above `most` is cut and says so."""
     fig, axis = plt.subplots(figsize=(6.2, 0.9 + 0.27 * len(names)))
     axis.barh(range(len(names)), np.minimum(values, most), color="0.45")

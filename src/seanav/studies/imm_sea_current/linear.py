@@ -6,6 +6,7 @@ Exact for the linearised model with gains on the true path; see
 
 import math
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from seanav import montecarlo
 from seanav.checks import read_only
 from seanav.filters import linear_covariance
 from seanav.models import currents, earth, inertial
+from seanav.models.trajectories import Trajectory
+from seanav.studies.imm_sea_current.scenario import Scenario
 from seanav.studies.imm_sea_current.scores import TCEP
 
 
@@ -35,7 +38,7 @@ def _inertial_transitions(path):
 
 
 @lru_cache(maxsize=4)
-def model(path, correlation_time):
+def model(path: Trajectory, correlation_time: float) -> tuple[np.ndarray, ...]:
     """Return Phi (steps, 18, 18) and H (steps, 18) along the true path."""
     _, _, v_n, heading = path.states()
     steps = len(heading) - 1
@@ -49,21 +52,21 @@ def model(path, correlation_time):
     return read_only(Phi, H)
 
 
-def process_noise(scenario, variance):
+def process_noise(scenario: Any, variance: float) -> np.ndarray:
     """Return the diagonal of Q per second, (18,), with the current's own `variance`."""
     errors = scenario.sensor_errors
     sensors = [0.0] * 3 + [errors.accelerometer_noise**2] * 2 + [0.0]
     return np.array(sensors + [errors.gyro_noise**2] * 3 + [0.0] * 6 + [variance] * 3)
 
 
-def believed_start(scenario, sigma):
+def believed_start(scenario: Any, sigma: float) -> np.ndarray:
     """Return the covariance that a filter starts with, (18, 18)."""
     std = scenario.initial_std()
     held = np.array([*std[:2], 0.0, *std[2:4], 0.0, *std[4:]])
     return np.diag(np.r_[held**2, [sigma**2] * 3])
 
 
-def true_start(scenario, sigma):
+def true_start(scenario: Any, sigma: float) -> np.ndarray:
     """Return the true second moment of the errors at the start, (18, 18)."""
     M = believed_start(scenario, sigma if scenario.initial_current == "stationary" else 0.0)
     if scenario.initial_errors == "none":
@@ -72,13 +75,15 @@ def true_start(scenario, sigma):
 
 
 @lru_cache(maxsize=16)
-def gains(scenario, sigma_filter, correlation_time=None):
+def gains(scenario: Any, sigma_filter: float, correlation_time: float | None = None) -> np.ndarray:
     """Return the gains (steps, 18) of one EKF."""
     (K,) = read_only(design(scenario, sigma_filter, correlation_time)[0])
     return K
 
 
-def design(scenario, sigma_filter, correlation_time=None):
+def design(
+    scenario: Any, sigma_filter: float, correlation_time: float | None = None
+) -> tuple[np.ndarray, ...]:
     """Return the gains (steps, 18) and covariances (steps + 1, 18, 18) of one EKF."""
     T_c = correlation_time or scenario.correlation_time_s
     Phi, H = model(scenario.path(), T_c)
@@ -90,7 +95,7 @@ def design(scenario, sigma_filter, correlation_time=None):
 
 
 @lru_cache(maxsize=16)
-def mean_squares(scenario, sigma_filter):
+def mean_squares(scenario: Any, sigma_filter: float | None) -> tuple[np.ndarray, ...]:
     """Return A and B, (steps + 1, 18) each: mean squares of the errors are A + sigma_T² B.
 
     `sigma_filter` None is pure navigation.
@@ -110,7 +115,7 @@ def mean_squares(scenario, sigma_filter):
     return read_only(A, moments(1.0) - A)
 
 
-def metres(scenario):
+def metres(scenario: Any) -> np.ndarray:
     """Return metres per radian of latitude and longitude, (steps + 1, 2)."""
     return _metres(scenario.path())
 
@@ -123,7 +128,7 @@ def _metres(path):
     return scale
 
 
-def scores(scenario, sigma_filter, sigma_true):
+def scores(scenario: Any, sigma_filter: float | None, sigma_true: float) -> np.ndarray:
     """Return RMS position (m), velocity (m/s), levelling and heading (deg), and TCEP (m)."""
     A, B = mean_squares(scenario, sigma_filter)
     M = A[1:] + sigma_true**2 * B[1:]
@@ -135,7 +140,7 @@ def scores(scenario, sigma_filter, sigma_true):
     return np.array([*rms, math.degrees(levelling), math.degrees(heading), tcep])
 
 
-def twin(scenario, sigma_filter, sigma_true, runs):
+def twin(scenario: Scenario, sigma_filter: float, sigma_true: float, runs: int) -> np.ndarray:
     """Simulate the linear error equations themselves; return mean squares (4, runs).
 
     The rows are position, velocity, levelling and heading, over time: m², (m/s)², rad², rad².
@@ -164,7 +169,9 @@ def twin(scenario, sigma_filter, sigma_true, runs):
     return totals / steps
 
 
-def wrong_time(scenario, sigma_filter, time_filter, sigma_true, time_true):
+def wrong_time(
+    scenario: Scenario, sigma_filter: float, time_filter: float, sigma_true: float, time_true: float
+) -> float:
     """Return the TCEP (m) of an EKF whose correlation time is wrong as well.
 
     States 15 to 17 are here the filter's estimate of the current, which decays as the

@@ -1,15 +1,19 @@
 """Paper 4: filters compared, simulated sensors, missions, sweeps."""
 
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial, wraps
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav import montecarlo
 from seanav.checks import ParameterError, integer, markov_chain, read_only
 from seanav.filters import ins
 from seanav.models import currents, earth, inertial
+from seanav.studies.imm_sea_current.scenario import Scenario
 
 LANES = ins.LANES  # runs per batch; fixed, so threads do not matter
 
@@ -48,34 +52,34 @@ class Filter:
 PURE = Filter("pure navigation")
 
 
-def label(sigma):
+def label(sigma: tuple[float, ...]) -> str:
     """Return sigmas as they appear in names, such as ``0.1,0.5``."""
     return ",".join(f"{value:.15g}" for value in sigma)
 
 
-def optimal(sigma):
+def optimal(sigma: float) -> Filter:
     """Return the EKF whose current model is the true one."""
     return Filter("optimal EKF", (sigma,))
 
 
-def EKF(*sigma):
+def EKF(*sigma: Any) -> Filter:
     """Return the EKF (one sigma) or the IMM of EKFs (several)."""
     return Filter(("IMM-EKF " if len(sigma) > 1 else "EKF ") + label(sigma), sigma)
 
 
-def AFEKF(scenario, *sigma):
+def AFEKF(scenario: Scenario, *sigma: Any) -> Filter:
     """Return the adaptive fading EKF (one sigma) or the IMM of such (several)."""
     name = ("IMM-AFEKF " if len(sigma) > 1 else "AFEKF ") + label(sigma)
     return Filter(name, sigma, scenario.fading_form)
 
 
-def pairs(scenario):
+def pairs(scenario: Scenario) -> list:
     """Return the sigmas of the paper's IMMs: the first of `sigma_filter` with each other one."""
     first, *others = scenario.sigma_filter
     return [(first, other) for other in others]
 
 
-def paper_filters(scenario):
+def paper_filters(scenario: Scenario) -> list[Filter]:
     """Return all filters of figures 3 to 6 but the optimal one, and the IMM of plain EKFs."""
     singles = [make for s in scenario.sigma_filter for make in (EKF(s), AFEKF(scenario, s))]
     both = [make for pair in pairs(scenario) for make in (AFEKF(scenario, *pair), EKF(*pair))]
@@ -142,7 +146,7 @@ def _kept(function):
     return once
 
 
-def sense(scenario, batch):
+def sense(scenario: Scenario, batch: int) -> Sensors:
     """Simulate the sensors of runs batch · LANES … of the scenario; the last may be fewer."""
     return _sense(
         scenario.path(),
@@ -213,7 +217,9 @@ def _truth(path):
 # ---------------------------------------------------------------- missions
 
 
-def fly(scenario, sensors, filter_, sigma_true, *, stride=0) -> ins.Flight:
+def fly(
+    scenario: Scenario, sensors: Sensors, filter_: Filter, sigma_true: ArrayLike, *, stride: int = 0
+) -> ins.Flight:
     """Fly one batch with one filter.
 
     Parameters
@@ -248,16 +254,7 @@ def fly(scenario, sensors, filter_, sigma_true, *, stride=0) -> ins.Flight:
     a, q = currents.decay(1.0, filter_.correlation_time_s or scenario.correlation_time_s)
     P0 = [ins.pack_diagonal(np.r_[std**2, [s**2] * 3]) for s in models]
     errors = scenario.sensor_errors
-    # One model needs no chain; several take the scenario's unless they bring their own.
-    T, mu0 = ((1.0,),), (1.0,)
-    if len(models) > 1:
-        own = filter_.transition is not None
-        T = filter_.transition if own else scenario.transition
-        mu0 = filter_.initial_probabilities if own else scenario.initial_probabilities
-        T, mu0 = markov_chain(T, mu0)
-        if len(mu0) != len(models):
-            allowed = f"must fit the {len(models)} models of {filter_.name}"
-            raise ParameterError("initial_probabilities", mu0, allowed)
+    T, mu0 = _chain(scenario, filter_, len(models))
     rest = None
     if stride:
         bias = np.broadcast_to(sensors.bias, (steps // stride, 6, LANES))
@@ -287,13 +284,33 @@ def fly(scenario, sensors, filter_, sigma_true, *, stride=0) -> ins.Flight:
     return flight.runs(sensors.runs)
 
 
+def _chain(scenario, filter_, models):
+    # One model needs no chain; several take the scenario's unless they bring their own.
+    if models == 1:
+        return ((1.0,),), (1.0,)
+    own = scenario if filter_.transition is None else filter_
+    T, mu0 = markov_chain(own.transition, own.initial_probabilities)
+    if len(mu0) != models:
+        allowed = f"must fit the {models} models of {filter_.name}"
+        raise ParameterError("initial_probabilities", mu0, allowed)
+    return T, mu0
+
+
 def _start(path):
     latitude, longitude, v_n, heading = (states[0] for states in path.states())
     half = 0.5 * heading
     return np.array([latitude, longitude, v_n[0], v_n[1], np.cos(half), 0.0, 0.0, np.sin(half)])
 
 
-def fly_all(scenario, jobs, *, stride=0, threads=None, client=None, label=None):
+def fly_all(
+    scenario: Scenario,
+    jobs: list,
+    *,
+    stride: int = 0,
+    threads: int | None = None,
+    client: Any = None,
+    label: str | None = None,
+) -> Sequence:
     """Fly jobs over all runs of the scenario, each run with the same noise in every job.
 
     Parameters
@@ -331,7 +348,14 @@ def _share(scenario, jobs, stride, task):
     return [flight._replace(P=flight.P[:, :0]) for flight in flights]
 
 
-def sweep(scenario, filters=None, sigma_true=None, *, known=None, **options):
+def sweep(
+    scenario: Scenario,
+    filters: Sequence | None = None,
+    sigma_true: tuple[float, ...] | None = None,
+    *,
+    known: dict[str, list[ins.Flight]] | None = None,
+    **options: Any,
+) -> dict[str, list[ins.Flight]]:
     """Fly filters on a grid of true sigmas, with the optimal EKF and pure navigation.
 
     Parameters

@@ -2,6 +2,7 @@
 
 import math
 from functools import lru_cache
+from typing import Any
 
 import attrs
 import numpy as np
@@ -31,7 +32,10 @@ _SENSOR = Number(at_least=1e-6, at_most=100)
 _SIGMA = Number(at_least=1e-3, at_most=10)
 _TRUE = List(_SIGMA, at_most=32, distinct=True)
 _FILTER = List(_SIGMA, at_most=6, distinct=True)
-_START = {"origin": "derived", "note": "near-perfect start, chosen by looking at Tables 2 and 3"}
+_START: dict[str, Any] = {
+    "origin": "derived",
+    "note": "near-perfect start, chosen by looking at Tables 2 and 3",
+}
 
 
 def _ascending(kind):

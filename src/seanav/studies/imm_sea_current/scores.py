@@ -7,6 +7,7 @@ import numpy as np
 
 from seanav import estimates
 from seanav.estimates import Estimate, Statistic, rms
+from seanav.filters.ins.score import Flight
 
 COLUMNS = ("position_m", "velocity_m_s", "levelling_deg", "heading_deg")
 
@@ -15,109 +16,114 @@ LOST = 1e7  # m: a filter that is farther off than from pole to equator has dive
 TCEP = 0.589  # of the sum of the two RMS, equation (27)
 
 
-def squares(flight):
+def squares(flight: Flight) -> np.ndarray:
     """Return mean squares over time, (4, runs): position, velocity, levelling, heading (deg²)."""
     means, turn = flight.mean_squares, np.degrees(1.0) ** 2
     position = means.north + means.east
     return np.array([position, means.velocity, turn * means.levelling, turn * means.heading])
 
 
-def cells(flight) -> list[Estimate]:
+def cells(flight: Flight) -> list[Estimate]:
     """Return one row of Tables 2 and 3: four estimates."""
     return [estimates.root_mean_square(row) for row in squares(flight)]
 
 
-def position_rms(flight) -> float:
+def position_rms(flight: Flight) -> float:
     """Return the RMS position error in metres, infinite for a filter that blew up."""
     value = float(np.sqrt(squares(flight)[0].mean()))
     return value if np.isfinite(value) else float("inf")
 
 
-def diverged(flight) -> bool:
+def diverged(flight: Flight) -> bool:
     """Return whether a filter lost the vehicle or its own numbers, in any run."""
     numbers = (*flight.mean_squares, flight.nis, flight.nees, flight.beta, flight.mode_probability)
     finite = all(np.isfinite(part).all() for part in numbers)
     return not (finite and position_rms(flight) < LOST)
 
 
-def _tcep(flight) -> Statistic:
+def _tcep(flight: Flight) -> Statistic:
     return TCEP * (rms(flight.mean_squares.north) + rms(flight.mean_squares.east))
 
 
-def tcep(flight) -> Estimate:
+def tcep(flight: Flight) -> Estimate:
     """Return 0.589 (RMS north + RMS east) over time and runs, equation (27), m."""
     return _tcep(flight).estimate()
 
 
-def tcep_log_ratio(flight, other) -> Estimate:
+def tcep_log_ratio(flight: Flight, other: Flight) -> Estimate:
     """Return ln(TCEP / TCEP of the other), runs paired."""
     return (_tcep(flight) / _tcep(other)).log().estimate()
 
 
-def _rate(flight, pure, best) -> Statistic:
+def _rate(flight: Flight, pure: Flight, best: Flight) -> Statistic:
     without = _tcep(pure)
     return 100 * (without - _tcep(flight)) / (without - _tcep(best))
 
 
-def rate(flight, pure, best) -> Estimate:
+def rate(flight: Flight, pure: Flight, best: Flight) -> Estimate:
     """Return the TCEP rate, equation (28), in percent, runs paired."""
     return _rate(flight, pure, best).estimate()
 
 
-def rate_difference(first, second) -> Estimate:
+def rate_difference(first: tuple[Flight, ...], second: tuple[Flight, ...]) -> Estimate:
     """Return the difference of two rates in points; each is (flight, pure, best)."""
     return (_rate(*first) - _rate(*second)).estimate()
 
 
-def advantage_difference(first, second, third, fourth) -> Estimate:
+def advantage_difference(
+    first: tuple[Flight, ...],
+    second: tuple[Flight, ...],
+    third: tuple[Flight, ...],
+    fourth: tuple[Flight, ...],
+) -> Estimate:
     """Return (rate 1 − rate 2) − (rate 3 − rate 4) in points; each as in `rate_difference`."""
     one, two, three, four = (_rate(*each) for each in (first, second, third, fourth))
     return (one - two - (three - four)).estimate()
 
 
-def log_ratios(flight, other) -> list[Estimate]:
+def log_ratios(flight: Flight, other: Flight) -> list[Estimate]:
     """Return ln of the ratios of the four cells, runs paired: four estimates."""
     pairs = zip(squares(flight), squares(other), strict=True)
     return [estimates.log_ratio(a, b) for a, b in pairs]
 
 
-def mode(flight, model=0) -> Estimate:
+def mode(flight: Flight, model: int = 0) -> Estimate:
     """Return the mode probability of one model, mean over time and runs."""
     return estimates.mean(flight.mode_probability[model])
 
 
-def mode_difference(flight, other) -> Estimate:
+def mode_difference(flight: Flight, other: Flight) -> Estimate:
     """Return the difference of the first mode probability of two flights, runs paired."""
     return estimates.mean(flight.mode_probability[0] - other.mode_probability[0])
 
 
-def mode_contrast_difference(flight, other, sign) -> Estimate:
+def mode_contrast_difference(flight: Flight, other: Flight, sign: int) -> Estimate:
     """Return how much more the modes of `flight` differ, (mu1 − mu2) · sign, than of `other`."""
     return estimates.mean(2 * sign * (flight.mode_probability[0] - other.mode_probability[0]))
 
 
-def nis(flight) -> Estimate:
+def nis(flight: Flight) -> Estimate:
     """Return the mean normalised innovation squared; 1 (per axis) is right."""
     return estimates.mean(flight.nis)
 
 
-def nees(flight) -> Estimate:
+def nees(flight: Flight) -> Estimate:
     """Return the mean normalised estimation error squared over the records; 16 is right."""
     return estimates.mean(flight.nees)
 
 
-def mode_curve(flight, model=0) -> list[Estimate]:
+def mode_curve(flight: Flight, model: int = 0) -> list[Estimate]:
     """Return the mode probability of one model at each record, mean over runs."""
     return [estimates.mean(row) for row in flight.series.mode_probability[:, model]]
 
 
-def radial_rms(flight) -> list[Estimate]:
+def radial_rms(flight: Flight) -> list[Estimate]:
     """Return the RMS position error (m) at each record."""
     radial = flight.series.north**2 + flight.series.east**2
     return [estimates.root_mean_square(row) for row in radial]
 
 
-def radial_curves(flight):
+def radial_curves(flight: Flight) -> tuple[np.ndarray, ...]:
     """Return RMS, CEP and TCEP (m) against time, each of shape (records,)."""
     north, east = flight.series.north, flight.series.east
     radial = np.sqrt((north**2 + east**2).mean(axis=1))
@@ -127,7 +133,7 @@ def radial_curves(flight):
     return radial, cep, TCEP * (running[0] + running[1])
 
 
-def falls(flight, first, last) -> tuple[Estimate, Estimate]:
+def falls(flight: Flight, first: int, last: int) -> tuple[Estimate, Estimate]:
     """Return ln(value at record `last` / at `first`) of the RMS and of the TCEP."""
     squared = np.stack([flight.series.north**2, flight.series.east**2])  # (2, records, runs)
     radial = squared.sum(axis=0)
@@ -136,7 +142,7 @@ def falls(flight, first, last) -> tuple[Estimate, Estimate]:
     return swing, (after / before).log().estimate()
 
 
-def crossing(grid, curve, level):
+def crossing(grid: np.ndarray, curve: list[float], level: np.ndarray) -> float | None:
     """Return where a sampled curve first rises above `level`, by interpolation; None: never."""
     above = np.asarray(curve) > np.asarray(level)
     if not above.any() or above[0]:

@@ -2,11 +2,15 @@
 
 import numpy as np
 
-from seanav.estimates import rms
-from seanav.studies.neural_estimator import run, scores
+from seanav.estimates import Estimate, rms
+from seanav.filters.neural import Network, Teaching
+from seanav.studies.neural_estimator import run
+from seanav.studies.neural_estimator.scenario import Scenario
 
 
-def break_even(rates, a, b):
+def break_even(
+    rates: tuple[float, ...], a: list[np.ndarray], b: list[np.ndarray]
+) -> Estimate | None:
     """Return the turn rate where the errors of a and b are equal, with its interval.
 
     Parameters
@@ -29,7 +33,7 @@ def break_even(rates, a, b):
     return None
 
 
-def turn_sweep(scenario, taught):
+def turn_sweep(scenario: Scenario, taught: list[Teaching]) -> dict[str, list[np.ndarray]]:
     """Return name -> list over turn rates of squared errors (runs,) in the examination."""
     result = {"teacher": [], "frozen": []}
     for rate in scenario.turn_rates_deg_s:
@@ -41,11 +45,11 @@ def turn_sweep(scenario, taught):
             estimate = teacher
             if name != "teacher":
                 estimate = run.examine(scenario, z, teacher, taught, name)
-            errors.append(scores.squared(estimate, truth, exam))
+            errors.append(run.squared(estimate, truth, exam))
     return result
 
 
-def slope(network, centre, step=0.5):
+def slope(network: Network, centre: np.ndarray, step: float = 0.5) -> np.ndarray:
     """Return d output / d input of each run's network at `centre` (2, runs), (2, 2, runs)."""
     result = np.empty((2, 2, centre.shape[1]))
     for k in range(2):

@@ -1,24 +1,28 @@
 """Paper 2: the drawings; each function returns a figure and computes nothing new."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
 from seanav import plots
-from seanav.filters.neural import READINGS
-from seanav.studies.neural_estimator.scenario import STEP
+from seanav.filters.neural import READINGS, Network
+from seanav.studies.neural_estimator.run import Course
+from seanav.studies.neural_estimator.scenario import STEP, Scenario
 
 
 def _asked(scenario):
     return {"measurement": "z", "estimate": "filter"}[scenario.examination_input]
 
 
-def style(name):
+def style(name: str) -> dict[str, Any]:
     """Return the line style of an estimator, the same in every figure."""
     kinds = {"teacher": "Kalman", "frozen": "network", "re-taught": "adaptive"}
     return plots.look(kinds.get(name, "other")) | {"linewidth": 1.1}
 
 
-def perceptron(hidden, shown=5):
+def perceptron(hidden: int, shown: int = 5) -> Figure:
     """Draw the layers of the network (Figure 1)."""
     fig, ax = plt.subplots(figsize=(6.4, 3.6))
     layers = (
@@ -43,7 +47,7 @@ def perceptron(hidden, shown=5):
     return fig
 
 
-def system(scenario):
+def system(scenario: Scenario) -> Figure:
     """Draw the numerical-neural system (Figure 2)."""
     boxes = {
         "z": (0, 1, "running\nmeasurements"),
@@ -63,7 +67,7 @@ def system(scenario):
     return plots.diagram(boxes, arrows, (7.5, 3.2), 0.5)
 
 
-def teaching(scenario):
+def teaching(scenario: Scenario) -> Figure:
     """Draw the teaching of the network (Figure 3)."""
     boxes = {
         "pair": (0, 1, "teaching pair"),
@@ -84,7 +88,7 @@ def teaching(scenario):
     return plots.diagram(boxes, arrows, (7.8, 3.2))
 
 
-def examination(scenario):
+def examination(scenario: Scenario) -> Figure:
     """Draw the examination (Figure 4)."""
     boxes = {
         "z": (0, 1, "running\nmeasurements"),
@@ -101,7 +105,7 @@ def examination(scenario):
     return plots.diagram(boxes, arrows, (7.2, 3.2))
 
 
-def algorithm(scenario):
+def algorithm(scenario: Scenario) -> Figure:
     """Draw the four stages with their steps (Figure 5)."""
     first = scenario.examination
     lines = (
@@ -111,13 +115,15 @@ def algorithm(scenario):
         f"4  examination\nsteps {first} to {scenario.steps - 1}",
         f"re-teaching\nevery {scenario.interval} steps",
     )
-    boxes = {n: (2.6 * n, 1, text) for n, text in enumerate(lines[:4])}
-    boxes[4] = (2.6 * 2.5, -0.2, lines[4])
-    arrows = [(0, 1, ""), (1, 2, ""), (2, 3, ""), (3, 4, ""), (4, 2, "")]
+    places = [(0.0, 1.0), (2.6, 1.0), (5.2, 1.0), (7.8, 1.0), (6.5, -0.2)]
+    boxes = {
+        str(n): (*place, text) for n, (place, text) in enumerate(zip(places, lines, strict=True))
+    }
+    arrows = [(start, end, "") for start, end in ("01", "12", "23", "34", "42")]
     return plots.diagram(boxes, arrows, (8.2, 2.6))
 
 
-def examples(done, names, run=0):
+def examples(done: dict[str, Course], names: tuple[str, ...], run: int = 0) -> Figure:
     """Draw one run of every course, both components (Figure 6)."""
     fig, axes = plt.subplots(len(done), 2, figsize=(8.4, 2.1 * len(done)), sharex=True)
     for row, (course, result) in zip(axes, done.items(), strict=True):
@@ -137,7 +143,7 @@ def examples(done, names, run=0):
     return fig
 
 
-def teaching_errors(history, delta):
+def teaching_errors(history: np.ndarray, delta: float) -> Figure:
     """Draw the median of the three error readings against the epoch, with Δ."""
     fig, ax = plt.subplots()
     epoch = np.arange(1, len(history) + 1)
@@ -149,7 +155,9 @@ def teaching_errors(history, delta):
     return fig
 
 
-def speed_plane(network, x, t, truth, reach=1.5):
+def speed_plane(
+    network: Network, x: np.ndarray, t: np.ndarray, truth: np.ndarray, reach: float = 1.5
+) -> Figure:
     """Draw where one network sends the points of the speed plane, with its teacher's cloud.
 
     `x`, `t`: measurements and teacher's answers (pairs, 2); `truth` (2,), all in m/s.

@@ -1,33 +1,30 @@
 """Paper 2: courses, the four stages of the cycle, every course with every estimator."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import attrs
 import numpy as np
 
 from seanav import montecarlo
 from seanav.checks import choice
-from seanav.filters import neural
+from seanav.filters import blended, neural
 from seanav.filters.neural import READINGS
-from seanav.studies.neural_estimator import scores
-from seanav.studies.neural_estimator.scenario import COURSES, STEP, VARIANTS
+from seanav.studies.neural_estimator.scenario import COURSES, STEP, VARIANTS, Scenario
 
 BATCH = 32  # runs per unit of parallel work; fixed, so that results do not depend on threads
-
-
 RECENT = 5  # measurements in the hybrid's test
-
-
 CHI2_99 = 9.21  # 99 % point, two degrees of freedom
 
 
-def ramp(time, begin, end):
+def ramp(time: np.ndarray, begin: float, end: float) -> np.ndarray:
     """Return 0 before `begin`, 1 after `end`, linear between (s)."""
     return np.clip((time - begin) / (end - begin), 0.0, 1.0)
 
 
-def course(scenario, name):
+def course(scenario: Scenario, name: str) -> np.ndarray:
     """Return the true speed vector of a course, north and east, shape (steps, 2) m/s."""
     choice("course", name, COURSES)
     time = STEP * np.arange(scenario.steps)
@@ -45,7 +42,7 @@ def course(scenario, name):
     return _vector(speed, scenario.heading_deg + turn)
 
 
-def turning(scenario, rate_deg_s):
+def turning(scenario: Scenario, rate_deg_s: float) -> np.ndarray:
     """Return a course that is steady until the examination and then turns for ever."""
     time = STEP * (np.arange(scenario.steps) - scenario.examination)
     turn = rate_deg_s * np.maximum(time, 0.0)
@@ -57,13 +54,13 @@ def _vector(speed, heading_deg):
     return np.stack([speed * np.cos(heading), speed * np.sin(heading)], axis=-1)
 
 
-def measure(scenario, truth, purpose="noise"):
+def measure(scenario: Scenario, truth: np.ndarray, purpose: str = "noise") -> np.ndarray:
     """Return measured speed vectors, (runs, steps, 2) m/s; run r has the same noise everywhere."""
     shape = (scenario.steps, 2)
     return truth + scenario.noise * montecarlo.normals(scenario.seed, purpose, scenario.runs, shape)
 
 
-def phases(scenario, truth):
+def phases(scenario: Scenario, truth: np.ndarray) -> dict[str, np.ndarray]:
     """Return the steps of each phase as masks (steps,), by name.
 
     The examination is cut where the truth first and last changes in it.
@@ -87,7 +84,14 @@ def phases(scenario, truth):
     return masks | {name: mask for name, mask in parts.items() if mask.any()}
 
 
-def numerical(scenario, z, w1=None, start="measured"):
+def squared(estimate: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Return each run's mean squared error per component over a phase, (runs,) (m/s)²."""
+    return ((estimate - truth)[:, mask] ** 2).mean(axis=(1, 2))
+
+
+def numerical(
+    scenario: Scenario, z: np.ndarray, w1: float | str | None = None, start: str = "measured"
+) -> np.ndarray:
     """Return the estimates of the numerical filter, (runs, steps, 2) m/s.
 
     Parameters
@@ -102,14 +106,17 @@ def numerical(scenario, z, w1=None, start="measured"):
     choice("start", start, ("measured", "zero"))
     w1 = scenario.w1 if w1 is None else w1
     P0, x0 = (scenario.R, z[:, 0]) if start == "measured" else (scenario.q, np.zeros_like(z[:, 0]))
-    K, P = neural.gains(scenario.q, scenario.R, P0, z.shape[1])
+    K, P = blended.gains(scenario.q, scenario.R, P0, z.shape[1])
     if isinstance(w1, str):
         choice("w1", w1, ("variable",))
-        w1 = neural.manoeuvre_weight(z, K, P, scenario.R, scenario.q, x0)
-    return neural.estimate(z, K, w1, x0, scenario.innovation)
+        weight = blended.manoeuvre_weight(z, K, P, scenario.R, scenario.q, x0)
+        return blended.estimate(z, K, weight, x0, scenario.innovation)
+    return blended.estimate(z, K, w1, x0, scenario.innovation)
 
 
-def baselines(scenario, z, teacher, tuned_q):
+def baselines(
+    scenario: Scenario, z: np.ndarray, teacher: np.ndarray, tuned_q: float
+) -> dict[str, np.ndarray]:
     """Return what costs nothing: name -> estimates (runs, steps, 2) m/s."""
     lesson = slice(scenario.settle, scenario.examination)
     constant = np.broadcast_to(teacher[:, lesson].mean(axis=1, keepdims=True), z.shape)
@@ -125,7 +132,11 @@ def baselines(scenario, z, teacher, tuned_q):
     }
 
 
-def tune(scenario, truth, candidates=(1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1)):
+def tune(
+    scenario: Scenario,
+    truth: np.ndarray,
+    candidates: tuple[float, ...] = (1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1),
+) -> float:
     """Return the q whose Kalman filter has the least error in the examination, own noise."""
     z = measure(scenario, truth, "tuning noise")
     first = scenario.examination
@@ -140,12 +151,14 @@ def _innermost(v):
     return np.ascontiguousarray(np.moveaxis(v, 0, -1))  # (runs, steps, 2) -> (steps, 2, runs)
 
 
-def batches(runs):
+def batches(runs: int) -> list:
     """Return the runs as slices of fixed size."""
     return [slice(begin, min(begin + BATCH, runs)) for begin in range(0, runs, BATCH)]
 
 
-def first_teaching(scenario, z, teacher, weights="weights"):
+def first_teaching(
+    scenario: Scenario, z: np.ndarray, teacher: np.ndarray, weights: str = "weights"
+) -> list[neural.Teaching]:
     """Return the `neural.Teaching` of each batch after stage 3; random weights by run.
 
     Parameters
@@ -172,7 +185,9 @@ def first_teaching(scenario, z, teacher, weights="weights"):
     return montecarlo.parallel_map(one, batches(len(z)), label=f"teaching, H = {scenario.hidden}")
 
 
-def teach_courses(scenario, measured, teachers, weights="weights"):
+def teach_courses(
+    scenario: Scenario, measured: dict, teachers: dict[str, np.ndarray], weights: str = "weights"
+) -> dict:
     """Return the first teaching by course; courses with the same lesson share one."""
     taught, seen = {}, {}
     lesson = slice(scenario.settle, scenario.examination)
@@ -184,7 +199,13 @@ def teach_courses(scenario, measured, teachers, weights="weights"):
     return taught
 
 
-def examine(scenario, z, teacher, taught, variant="frozen"):
+def examine(
+    scenario: Scenario,
+    z: np.ndarray,
+    teacher: np.ndarray,
+    taught: Sequence,
+    variant: str = "frozen",
+) -> np.ndarray:
     """Return the estimates (runs, steps, 2) m/s; before the examination the teacher's.
 
     Every variant uses measurements up to its own step only. ``re-taught``: every
@@ -241,7 +262,7 @@ def _examine(scenario, z, teacher, network, variant):
     return np.moveaxis(result, -1, 0)
 
 
-def scikit_learn(scenario, z, teacher):
+def scikit_learn(scenario: Scenario, z: np.ndarray, teacher: np.ndarray) -> np.ndarray:
     """Return the frozen estimates of scikit-learn's MLPRegressor, an independent network.
 
     Same hidden layer and lesson; linear outputs, quasi-Newton teaching. Needs
@@ -280,18 +301,18 @@ class Course:
     taught: list
     estimates: dict
 
-    def squared(self, name, phase="examination"):
+    def squared(self, name: str, phase: str = "examination") -> np.ndarray:
         """Return each run's mean squared error of an estimator in a phase, (runs,)."""
-        return scores.squared(self.estimates[name], self.truth, self.phases[phase])
+        return squared(self.estimates[name], self.truth, self.phases[phase])
 
-    def parts(self):
+    def parts(self) -> dict[str, np.ndarray]:
         """Return the examination and its phases, name -> mask; none of them twice."""
         whole = self.phases["examination"]
         smaller = {n: m for n, m in self.phases.items() if (m & whole).any() and (m != whole).any()}
         return {"examination": whole} | smaller
 
 
-def courses(scenario):
+def courses(scenario: Scenario) -> dict[str, Course]:
     """Return every course by name, with every estimator of the main table."""
     truths = {name: course(scenario, name) for name in COURSES}
     measured = {name: measure(scenario, truth) for name, truth in truths.items()}
@@ -317,7 +338,14 @@ def courses(scenario):
     return result
 
 
-def vary(scenario, done, names=COURSES, variant="frozen", weights="weights", **changes):
+def vary(
+    scenario: Scenario,
+    done: dict[str, Course],
+    names: tuple[str, ...] = COURSES,
+    variant: str = "frozen",
+    weights: str = "weights",
+    **changes: Any,
+) -> dict:
     """Return squared errors (runs,), course -> phase -> (network, teacher), one factor changed.
 
     The phases are those of `Course.parts`. A change that concerns the first teaching or
@@ -349,7 +377,7 @@ def vary(scenario, done, names=COURSES, variant="frozen", weights="weights", **c
         estimate = examine(changed, measured[name], teachers[name], taught[name], variant)
         truth = done[name].truth
         result[name] = {
-            phase: tuple(scores.squared(e, truth, mask) for e in (estimate, teachers[name]))
+            phase: tuple(squared(e, truth, mask) for e in (estimate, teachers[name]))
             for phase, mask in done[name].parts().items()
         }
     return result
@@ -361,39 +389,3 @@ def _stops_nobody(scenario, taught):
     return not any(
         each.met.any() or (each.history[:, reading] < scenario.delta).any() for each in taught
     )
-
-
-def weight_sweep(scenario, done, purpose=None):
-    """Return course -> phase -> w1 -> squared errors (runs,) of the numerical filter.
-
-    The phases are every step from 1 on ("all"), "initial" and those of `Course.parts`.
-    """
-    result = {}
-    for name, course in done.items():
-        z = course.z if purpose is None else measure(scenario, course.truth, purpose)
-        estimates = {w1: numerical(scenario, z, w1) for w1 in scenario.w1_grid}
-        masks = {"all": np.arange(scenario.steps) >= 1, "initial": course.phases["initial"]}
-        result[name] = {
-            phase: {w1: scores.squared(x, course.truth, mask) for w1, x in estimates.items()}
-            for phase, mask in (masks | course.parts()).items()
-        }
-    return result
-
-
-def histories(taught):
-    """Return the teaching errors of all runs, (epochs, 3, runs), NaN after a batch stopped."""
-    longest = max(len(teaching.history) for teaching in taught)
-    parts = []
-    for teaching in taught:
-        missing = ((0, longest - len(teaching.history)), (0, 0), (0, 0))
-        parts.append(np.pad(teaching.history, missing, constant_values=np.nan))
-    return np.concatenate(parts, axis=2)
-
-
-def uncapped(scenario, course):
-    """Return the teaching errors of a `Course` as if Δ stopped nobody, (epochs, 3, runs)."""
-    if any(teaching.met.any() for teaching in course.taught):
-        endless = attrs.evolve(scenario, delta=1e-12)
-        teacher = course.estimates["teacher"]
-        return histories(first_teaching(endless, course.z, teacher))
-    return histories(course.taught)
