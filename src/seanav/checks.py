@@ -159,6 +159,14 @@ def array(
     return found
 
 
+def dimensions(value) -> int:
+    """Return the number of axes of `value` as an array; 0 for ragged lists."""
+    try:
+        return np.ndim(value)
+    except ValueError:
+        return 0
+
+
 def in_place(name: str, value, shape: tuple, sizes: dict | None = None) -> np.ndarray:
     """Return `value`, an array that a kernel will change in place, after the checks of `array`.
 
