@@ -1,4 +1,7 @@
 import itertools
+import os
+import subprocess
+import sys
 
 import netCDF4
 import numpy as np
@@ -303,6 +306,25 @@ def test_unit_of_a_geotiff_band(tmp_path):
     check(from_file(path, *HERE))
 
 
+@pytest.mark.parametrize("stated", [None, "", "10-5 m/s2", 7])
+@pytest.mark.parametrize(
+    ("unit", "per_mgal"), [("mGal", 1), ("m/s2", 1e-5), ("µGal", 1e3), ("uGal", 1e3)]
+)
+def test_unit_that_the_file_does_not_state_can_be_said(tmp_path, stated, unit, per_mgal):
+    attributes = {} if stated is None else {"units": stated}
+    path = regional_netcdf(tmp_path / "a.nc", scale=per_mgal, attributes=attributes)
+    check(from_file(path, *HERE, unit=unit))
+
+
+def test_unit_that_is_said_must_be_the_one_that_is_stated(tmp_path):
+    path = regional_netcdf(tmp_path / "a.nc", attributes={"units": "milligal"})
+    check(from_file(path, *HERE, unit="mGal"))
+    message = "map_unit = 'm/s2': must be 'file': z has the unit 'milligal'$"
+    refused(path, message, parameter="map_unit", unit="m/s2")
+    message = "must be one of 'file', 'mGal', 'm/s2', 'µGal', 'uGal'$"
+    refused(path, message, parameter="map_unit", unit="m")
+
+
 @pytest.mark.parametrize(
     ("scale", "attributes", "message"),
     [
@@ -370,6 +392,24 @@ def test_netcdf_without_axes(tmp_path):
     refused(path, "must be a grid with one-dimensional lat and lon")
 
 
+@pytest.mark.parametrize("count", [0, 1])
+def test_netcdf_of_one_row(tmp_path, count):
+    latitude, longitude = regional_axes()
+    values = {"z": (np.zeros((count, len(longitude))), "f8", {})}
+    path = write_netcdf(tmp_path / "a.nc", latitude[:count], longitude, values)
+    refused(path, "must have two values or more on lat and lon$")
+
+
+def test_netcdf_whose_axis_is_text(tmp_path):
+    path = tmp_path / "a.nc"
+    with netCDF4.Dataset(path, "w") as dataset:
+        for name in ("lat", "lon"):
+            dataset.createDimension(name, 3)
+            dataset.createVariable(name, str, (name,))[:] = np.array(["a", "b", "c"], object)
+        dataset.createVariable("z", "f8", ("lat", "lon"))[:] = 0
+    refused(path, "must be a grid with one-dimensional lat and lon")
+
+
 def test_netcdf_with_axes_and_nothing_on_them(tmp_path):
     path = write_netcdf(tmp_path / "a.nc", *regional_axes(), {})
     refused(path, "no variable lies on lat and lon$")
@@ -424,7 +464,57 @@ def test_several_bands_must_be_chosen_from(tmp_path):
         descriptions=(None, "faa"),
     )
     refused(path, "must name one of '1', 'faa': ", parameter="map_variable")
-    check(from_file(path, *HERE, variable="faa"))
+    for variable in ("faa", "2", 2):
+        check(from_file(path, *HERE, variable=variable))
+    for variable in ("3", "0", "02", 2.0, True):
+        message = "must be one of '1', 'faa', in "
+        refused(path, message, parameter="map_variable", variable=variable)
+
+
+def test_description_of_two_bands_names_neither(tmp_path):
+    path = regional_geotiff(
+        tmp_path / "a.tif", change=lambda v: np.stack([0 * v, v]), descriptions=("z", "z")
+    )
+    message = "must be one of '1', '2', in "
+    refused(path, message, parameter="map_variable", variable="z")
+    check(from_file(path, *HERE, variable="2"))
+
+
+def test_description_that_is_a_number_comes_before_the_number(tmp_path):
+    path = regional_geotiff(
+        tmp_path / "a.tif", change=lambda v: np.stack([v, 0 * v]), descriptions=("2", "1")
+    )
+    check(from_file(path, *HERE, variable="2"))
+
+
+@pytest.mark.parametrize("name", ["PROJ_LIB", "PROJ_DATA", "GDAL_DATA"])
+def test_data_of_another_installation_are_not_used(tmp_path, name):
+    step, x0, y0 = 2000.0, 920e3, 2210e3
+    grids = {
+        "degrees": regional_geotiff(tmp_path / "a.tif"),
+        "metres": write_geotiff(
+            tmp_path / "b.tif",
+            np.random.default_rng(0).uniform(-40, 40, (130, 130)),
+            Affine(step, 0, x0, 0, -step, y0),
+            crs="EPSG:32651",
+        ),
+    }
+    code = f"""
+import os, sys
+from seanav.models.gravity_files import from_file
+print(*(repr(from_file(path, *{HERE}).anomaly_mgal.sum()) for path in sys.argv[1:]))
+assert os.environ["{name}"] == "/nowhere"
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code, *grids.values()],
+        env=dict(os.environ) | {name: "/nowhere"},
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+    )
+    assert done.stderr == ""
+    here = (repr(from_file(path, *HERE).anomaly_mgal.sum()) for path in grids.values())
+    assert done.stdout.split("\n")[0] == " ".join(here)
 
 
 @pytest.mark.parametrize("write", [regional_netcdf, regional_geotiff])

@@ -311,6 +311,19 @@ WALKS = [
 ]
 
 
+@pytest.mark.parametrize("other", ["walk", 3, planning.Plan([[1], [2, 3]], *[None] * 4)])
+def test_incumbent_must_be_a_plan(other):
+    with pytest.raises(ParameterError, match=r"^incumbent = .* over adjacent nodes"):
+        labels.plan_labels(**task(0), epsilon=0.3, incumbent=other)
+
+
+def test_nodes_of_the_incumbent_may_be_unsigned():
+    plan = planning.plan(**task(0))
+    same = planning.Plan(plan.nodes.astype(np.uint8), *[None] * 4)
+    one, other = (labels.plan_labels(**task(0), epsilon=0.3, incumbent=p) for p in (plan, same))
+    np.testing.assert_array_equal(one.nodes, other.nodes)
+
+
 @pytest.mark.parametrize("nodes", WALKS)
 def test_incumbent_must_be_a_walk(nodes):
     jumps = planning.Plan(np.array(nodes), None, None, None, None)
@@ -320,6 +333,9 @@ def test_incumbent_must_be_a_walk(nodes):
 
 TABLES = [
     lambda table: table[:-1],
+    lambda table: np.repeat(table, 2, axis=-1)[..., ::2],
+    lambda table: np.ma.array(table, mask=table < np.median(table)),
+    lambda table: -table,
     lambda table: table.astype(float),
     lambda table: np.asfortranarray(table),
     lambda table: table * np.float32(np.nan),
@@ -333,6 +349,14 @@ def test_table_must_fit_the_map(change):
     table = change(labels.gain_table(task(0)["gradient"]))
     with pytest.raises(ParameterError, match=r"^table = .*: must be gain_table\(gradient\)$"):
         labels.plan_labels(**task(0), epsilon=0.3, table=table)
+
+
+def test_a_table_that_may_not_be_written_or_is_a_subclass_serves_too():
+    table = labels.gain_table(task(0)["gradient"])
+    expected = labels.plan_labels(**task(0), epsilon=0.3, table=table)
+    table.flags.writeable = False
+    for same in (table, table.view(np.recarray)):
+        assert labels.plan_labels(**task(0), epsilon=0.3, table=same).cost == expected.cost
 
 
 # Bounds of the work --------------------------------------------------------------------------

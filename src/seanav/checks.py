@@ -169,6 +169,14 @@ def array(
     return found
 
 
+def dimensions(value: Any) -> int:
+    """Return the number of axes of `value` as an array; 0 for ragged lists."""
+    try:
+        return np.ndim(value)
+    except ValueError:
+        return 0
+
+
 def in_place(name: str, value: Any, shape: tuple, sizes: dict | None = None) -> np.ndarray:
     """Return `value`, an array that a kernel will change in place, after the checks of `array`.
 

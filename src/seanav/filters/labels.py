@@ -28,7 +28,7 @@ import numpy as np
 
 from seanav import checks
 from seanav._compile import kernel
-from seanav.filters.planning import plan, problem, refuse, sound, step
+from seanav.filters.planning import _refuse, _sound, _step, plan, problem
 
 # Eight directions 22.5° apart; directions m and m + 4 are an orthonormal pair.
 _EAST = np.cos(np.pi / 8 * np.arange(8))
@@ -227,9 +227,9 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, limits):
                 q_step = q[1] if di != 0 and dj != 0 else q[0]
                 ee, en, nn = state[label, 0], state[label, 1], state[label, 2]
                 east_slope, north_slope = gradient[0, ni, nj], gradient[1, ni, nj]
-                ee, en, nn = step(ee, en, nn, east_slope, north_slope, R, q_step)
+                ee, en, nn = _step(ee, en, nn, east_slope, north_slope, R, q_step)
                 G = state[label, 3] + ee + nn
-                if not sound(ee, en, nn):
+                if not _sound(ee, en, nn):
                     return none, cost, cost, at_start, _UNSOUND, expanded, count, compared
                 if cost <= G:
                     continue
@@ -287,11 +287,13 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, limits):
 
 
 def _known_path(task, incumbent):
-    nodes = np.asarray(incumbent.nodes)
+    nodes = getattr(incumbent, "nodes", None)
+    nodes = np.asarray(nodes) if checks.dimensions(nodes) == 2 else np.empty(0)
     ends = task.nodes(np.array([task.start, task.goal]))
     size = task.gradient.shape[:0:-1]
     usable = nodes.ndim == 2 and nodes.shape[1] == 2 and nodes.dtype.kind in "iu"
     usable = usable and len(nodes) > 1 and (nodes >= 0).all() and (nodes < size).all()
+    nodes = nodes.astype(np.int64) if usable else nodes  # differences of unsigned ones wrap
     adjacent = usable and (np.abs(np.diff(nodes, axis=0)).max(axis=1) == 1).all()
     if not adjacent or not np.array_equal(nodes[[0, -1]], ends):
         allowed = "must be a plan over adjacent nodes from start to goal"
@@ -302,10 +304,11 @@ def _known_path(task, incumbent):
 def _known_table(task, table):
     shape = _table_shape(task.gradient)
     usable = isinstance(table, np.ndarray) and table.dtype == np.float32 and table.shape == shape
-    if not usable or not table.flags.c_contiguous or not (table >= 0).all():
+    usable = usable and table.flags.c_contiguous and not np.ma.is_masked(table)
+    if not usable or not (table >= 0).all():
         found = f"{type(table).__name__} of shape {getattr(table, 'shape', ())}"
         raise checks.ParameterError("table", found, "must be gain_table(gradient)")
-    return table
+    return np.asarray(table)
 
 
 def plan_labels(
@@ -371,7 +374,7 @@ def plan_labels(
         task.gradient, table, task.start, task.goal, task.R, task.P0, task.q, factor, known, limits
     )
     if reason == _UNSOUND:
-        refuse(noise, P0, process_noise, speed)
+        _refuse(noise, P0, process_noise, speed)
     if len(cells) > 0:
         nodes = task.nodes(cells)
     lower = lowest if epsilon == 0 else min(at_start, cost)

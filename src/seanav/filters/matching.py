@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from seanav._compile import kernel
-from seanav.checks import ParameterError, choice, integer, number
-from seanav.models.gravity import bilinear
+from seanav.checks import ParameterError, array, choice, covariance, integer, number
+from seanav.models.gravity import MOST_NODES, _bilinear, _nodes
 
 
 class Tracks(NamedTuple):
@@ -37,7 +37,7 @@ class Tracks(NamedTuple):
 
 
 @kernel
-def summed_area(values):
+def _summed_area(values):
     """Return T, one longer on each axis, with ``T[i, j] = values[:i, :j].sum()``."""
     rows, columns = values.shape
     table = np.zeros((rows + 1, columns + 1))
@@ -55,17 +55,26 @@ def _block(table, i0, i1, j0, j1):
 
 
 @kernel
-def block_gradient(table, spacing, i, j, size):
+def _block_gradient(table, spacing, i, j, size):
+    # See `block_gradient`. The table, `_summed_area` of the map, makes the cost
+    # independent of L.
+    top, bottom, left, right = i + size + 1, i - size, j - size, j + size + 1
+    scale = size * (size + 1.0) * (2.0 * size + 1.0) * spacing
+    east = _block(table, bottom, top, j + 1, right) - _block(table, bottom, top, left, j)
+    north = _block(table, i + 1, top, left, right) - _block(table, bottom, i, left, right)
+    return east / scale, north / scale
+
+
+def block_gradient(anomaly, spacing, i, j, size):
     """Slope of the plane fitted to the (2L+1) × (2L+1) nodes around node (i, j).
 
     On a plane the columns right of the centre minus those left of it add up to
-    L(L+1)(2L+1)δ times the east slope, so the fit is exact there. The table makes the
-    cost independent of L.
+    L(L+1)(2L+1)δ times the east slope, so the fit is exact there.
 
     Parameters
     ----------
-    table : ndarray (rows + 1, columns + 1)
-        `summed_area` of the map.
+    anomaly : array (rows, columns)
+        Map; node [i, j] at north i·spacing and east j·spacing; at least 3 × 3.
     spacing : float
         Distance δ of the nodes, m.
     i, j : int
@@ -78,25 +87,35 @@ def block_gradient(table, spacing, i, j, size):
     east, north : float
         Slope in map units per metre.
 
+    Raises
+    ------
+    ParameterError
+        A value is not finite, or the block does not lie on the map.
+
     Notes
     -----
     Source: equations (36) and (37) of the paper. As printed they take one block from the
     map and the other from the measurement, of which there is only one; the difference
     of two blocks of the map is what gives a slope.
     """
-    top, bottom, left, right = i + size + 1, i - size, j - size, j + size + 1
-    scale = size * (size + 1.0) * (2.0 * size + 1.0) * spacing
-    east = _block(table, bottom, top, j + 1, right) - _block(table, bottom, top, left, j)
-    north = _block(table, i + 1, top, left, right) - _block(table, bottom, i, left, right)
-    return east / scale, north / scale
+    grid = _nodes("anomaly", anomaly)
+    spacing = number("spacing", spacing, above=0)
+    rows, columns = grid.shape
+    size = integer("size", size, at_least=1, at_most=(min(rows, columns) - 1) // 2)
+    i = integer("i", i, at_least=size, at_most=rows - 1 - size)
+    j = integer("j", j, at_least=size, at_most=columns - 1 - size)
+    return _block_gradient(_summed_area(grid), spacing, i, j, size)
+
+
+# An index made of NaN would point anywhere: max(0, NaN) is 0, and max(NaN, 0) is not.
 
 
 @kernel
-def point_gradient(grid, spacing, east, north):
+def _point_gradient(grid, spacing, east, north):
     """Slope (east, north) of the bilinear map at a point; zero across a clamped border."""
     rows, columns = grid.shape
     x, y = east / spacing, north / spacing
-    u, v = min(max(x, 0.0), columns - 1.0), min(max(y, 0.0), rows - 1.0)
+    u, v = min(max(0.0, x), columns - 1.0), min(max(0.0, y), rows - 1.0)
     i, j = min(int(v), rows - 2), min(int(u), columns - 2)
     s, t = u - j, v - i
     a, b, c, d = grid[i, j], grid[i, j + 1], grid[i + 1, j], grid[i + 1, j + 1]
@@ -106,7 +125,7 @@ def point_gradient(grid, spacing, east, north):
 
 
 @kernel
-def window(ee, en, nn, spacing, sigmas, largest):
+def _window(ee, en, nn, spacing, sigmas, largest):
     """Half width L of the fitted block, in nodes, for a covariance.
 
     The paper says only that the covariance sets it. Here: `sigmas` times the largest
@@ -122,14 +141,14 @@ def window(ee, en, nn, spacing, sigmas, largest):
 def _nearest_block(table, spacing, east, north, size):
     rows, columns = table.shape[0] - 1, table.shape[1] - 1
     # The centre keeps one node to every border, and the window shrinks to stay on the map.
-    i = int(min(max(np.floor(north / spacing + 0.5), 1.0), rows - 2.0))
-    j = int(min(max(np.floor(east / spacing + 0.5), 1.0), columns - 2.0))
+    i = int(min(max(1.0, np.floor(north / spacing + 0.5)), rows - 2.0))
+    j = int(min(max(1.0, np.floor(east / spacing + 0.5)), columns - 2.0))
     size = min(size, i, j, rows - 1 - i, columns - 1 - j)
-    return block_gradient(table, spacing, i, j, size)
+    return _block_gradient(table, spacing, i, j, size)
 
 
 @kernel
-def update(ee, en, nn, he, hn, R):
+def _update(ee, en, nn, he, hn, R):
     """Covariance after one scalar measurement with slope (he, hn) and variance R.
 
     (P⁻¹ + HᵀH/R)⁻¹ = (R P + |P| adj(HᵀH)) / S for two states: no difference of nearly
@@ -158,10 +177,10 @@ def _filter(grid, spacing, truth, start, drift, noise, R, P0, Q, by_block, sigma
     runs, steps = noise.shape
     errors, P = np.empty((runs, steps, 2)), np.empty((runs, steps, 3))
     nis = np.full((runs, steps), np.nan)
-    table = summed_area(grid)
+    table = _summed_area(grid)
     field = np.empty(steps)
     for k in range(steps):
-        field[k] = bilinear(grid, spacing, truth[k, 0], truth[k, 1])
+        field[k] = _bilinear(grid, spacing, truth[k, 0], truth[k, 1])
     for r in range(runs):
         e, n = start[r, 0], start[r, 1]
         ee, en, nn = P0[0, 0], P0[0, 1], P0[1, 1]
@@ -171,13 +190,13 @@ def _filter(grid, spacing, truth, start, drift, noise, R, P0, Q, by_block, sigma
             e, n = e + drift[r, k, 0], n + drift[r, k, 1]
             ee, en, nn = ee + Q[0, 0], en + Q[0, 1], nn + Q[1, 1]
             east, north = truth[k, 0] + e, truth[k, 1] + n
-            innovation = field[k] + noise[r, k] - bilinear(grid, spacing, east, north)
+            innovation = field[k] + noise[r, k] - _bilinear(grid, spacing, east, north)
             if by_block:
-                size = window(ee, en, nn, spacing, sigmas, largest)
+                size = _window(ee, en, nn, spacing, sigmas, largest)
                 he, hn = _nearest_block(table, spacing, east, north, size)
             else:
-                he, hn = point_gradient(grid, spacing, east, north)
-            ee, en, nn, S, ke, kn = update(ee, en, nn, he, hn, R)
+                he, hn = _point_gradient(grid, spacing, east, north)
+            ee, en, nn, S, ke, kn = _update(ee, en, nn, he, hn, R)
             e, n = e + ke * innovation, n + kn * innovation
             errors[r, k, 0], errors[r, k, 1] = e, n
             P[r, k, 0], P[r, k, 1], P[r, k, 2] = ee, en, nn
@@ -227,7 +246,7 @@ def sitan(
         "block": plane fit around the node nearest to the estimate (SITAN). "point": slope
         of the bilinear map at the estimate (extended Kalman filter).
     window_sigmas : float
-        Half width of the block in largest standard deviations, see `window`.
+        Half width of the block in largest standard deviations, to the nearest node.
     largest_window : int
         Upper limit of the half width, in nodes. The map's border shrinks it further.
 
@@ -240,7 +259,8 @@ def sitan(
     Raises
     ------
     ParameterError
-        A shape does not fit, a value is not finite, R ≤ 0, P0 not positive definite, …
+        A shape does not fit, a value is not finite, R ≤ 0, P0 not positive definite, … or
+        numbers of extreme size leave an error or a covariance that is not finite.
 
     Notes
     -----
@@ -249,8 +269,17 @@ def sitan(
     grid, inputs = checked(anomaly, spacing, truth, initial_error, drift, noise, R, P0, Q)
     choice("gradient", gradient, ["block", "point"])
     sigmas = number("window_sigmas", window_sigmas, at_least=0)
-    largest = integer("largest_window", largest_window, at_least=1)
-    return Tracks(*_filter(grid, *inputs, gradient == "block", sigmas, largest))
+    largest = integer("largest_window", largest_window, at_least=1, at_most=MOST_NODES)
+    tracks = Tracks(*_filter(grid, *inputs, gradient == "block", sigmas, largest))
+    _demand_finite(tracks.errors, tracks.P, tracks.nis[:, 1:])
+    return tracks
+
+
+def _demand_finite(*results):
+    # Numbers of extreme size overflow on their way through a filter.
+    if not all(np.isfinite(result).all() for result in results):
+        allowed = "must leave errors and covariances that are finite in double precision"
+        raise ParameterError("the inputs of the filter", "of extreme size", allowed)
 
 
 def checked(anomaly, spacing, truth, initial_error, drift, noise, R, P0, Q):
@@ -271,40 +300,14 @@ def checked(anomaly, spacing, truth, initial_error, drift, noise, R, P0, Q):
     ParameterError
         As in `sitan`.
     """
-    grid = _array("anomaly", anomaly, (None, None))
-    if min(grid.shape) < 3:
-        raise ParameterError("anomaly", grid.shape, "must have at least 3 × 3 nodes")
+    grid = _nodes("anomaly", anomaly)
     spacing = number("spacing", spacing, above=0)
-    truth = _array("truth", truth, (None, 2))
-    noise = _array("noise", noise, (None, len(truth)))
-    runs, steps = noise.shape
-    initial_error = _array("initial_error", initial_error, (runs, 2))
-    drift = _array("drift", drift, (runs, steps, 2))
+    sizes = {}
+    truth = array("truth", truth, ("steps", 2), sizes)
+    noise = array("noise", noise, ("runs", "steps"), sizes)
+    initial_error = array("initial_error", initial_error, ("runs", 2), sizes)
+    drift = array("drift", drift, ("runs", "steps", 2), sizes)
     R = number("R", R, above=0)
-    P0, Q = _covariance("P0", P0, definite=True), _covariance("Q", Q, definite=False)
+    P0, Q = covariance("P0", P0, 2, definite=True), covariance("Q", Q, 2)
     centred = grid - 0.5 * (grid.min() + grid.max())
     return centred, (spacing, truth, initial_error, drift, noise, R, P0, Q)
-
-
-def _array(name, value, shape):
-    array = np.ascontiguousarray(value, dtype=float)
-    fits = len(shape) == array.ndim and all(
-        wanted in (None, length) for wanted, length in zip(shape, array.shape, strict=True)
-    )
-    if not fits or not array.size:
-        wanted = ", ".join("any" if length is None else str(length) for length in shape)
-        raise ParameterError(name, array.shape, f"must have the shape ({wanted}), none empty")
-    if not np.isfinite(array).all():
-        raise ParameterError(name, "NaN or infinity", "must be finite everywhere")
-    return array
-
-
-def _covariance(name, value, *, definite):
-    matrix = _array(name, value, (2, 2))
-    determinant = np.linalg.det(matrix)
-    positive = (matrix.diagonal() > 0).all() and determinant > 0
-    acceptable = positive or (not definite and (matrix.diagonal() >= 0).all() and determinant >= 0)
-    if matrix[0, 1] != matrix[1, 0] or not acceptable:
-        kind = "positive definite" if definite else "positive semidefinite"
-        raise ParameterError(name, matrix.tolist(), f"must be symmetric and {kind}")
-    return matrix

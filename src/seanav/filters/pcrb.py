@@ -12,7 +12,7 @@ from seanav._compile import kernel
 
 
 @kernel
-def update(ee, en, nn, slope_e, slope_n, R):
+def _update(ee, en, nn, slope_e, slope_n, R):
     """Return ee, en, nn after one measurement of variance R with slopes (east, north).
 
     P − P H Hᵀ P / (HᵀP H + R), written without the difference: every term of the two
@@ -37,10 +37,10 @@ def _recursion(information, P0, Q, bound):
             J_ee, J_en, J_nn = information[t, 0], information[t, 1], information[t, 2]
             if J_ee > 0.0:
                 a = np.sqrt(J_ee)
-                ee, en, nn = update(ee, en, nn, a, J_en / a, 1.0)
+                ee, en, nn = _update(ee, en, nn, a, J_en / a, 1.0)
                 J_nn = J_nn - J_en * J_en / J_ee
             if J_nn > 0.0:
-                ee, en, nn = update(ee, en, nn, 0.0, np.sqrt(J_nn), 1.0)
+                ee, en, nn = _update(ee, en, nn, 0.0, np.sqrt(J_nn), 1.0)
         bound[t, 0, 0], bound[t, 1, 1] = ee, nn
         bound[t, 0, 1] = bound[t, 1, 0] = en
 
@@ -51,7 +51,7 @@ def _along(slopes, R, P0, Q, bound):
     for t in range(len(slopes)):
         if t > 0:
             ee, en, nn = ee + Q[t, 0, 0], en + Q[t, 0, 1], nn + Q[t, 1, 1]
-            ee, en, nn = update(ee, en, nn, slopes[t, 0], slopes[t, 1], R)
+            ee, en, nn = _update(ee, en, nn, slopes[t, 0], slopes[t, 1], R)
         bound[t, 0, 0], bound[t, 1, 1] = ee, nn
         bound[t, 0, 1] = bound[t, 1, 0] = en
 
@@ -61,18 +61,11 @@ def deviation(noise):
     return checks.number("noise", noise, above=1e-100, below=1e100)
 
 
-def _dimensions(value):
-    try:
-        return np.ndim(value)
-    except ValueError:  # ragged: no shape will fit
-        return 0
-
-
 def _inputs(gradients, noise, P0, Q, axes):
     sizes = {}
     gradients = checks.array("gradients", gradients, (*axes, "steps", 2), sizes)
     noise, P0 = deviation(noise), checks.covariance("P0", P0, 2, definite=True)
-    shape = (2, 2) if _dimensions(Q) < 3 else ("steps", 2, 2)
+    shape = (2, 2) if checks.dimensions(Q) < 3 else ("steps", 2, 2)
     Q = np.broadcast_to(checks.array("Q", Q, shape, sizes), (sizes["steps"], 2, 2))
     for matrix in np.unique(Q[1:], axis=0):
         checks.covariance("Q", matrix, 2)
@@ -119,7 +112,7 @@ def pcrb(gradients, noise, P0, Q):
     -----
     Paper 5, equations 20 and 21. Not an expectation over the truth: see `expected_pcrb`.
     """
-    axes = [f"axis {k}" for k in range(_dimensions(gradients) - 2)]
+    axes = [f"axis {k}" for k in range(checks.dimensions(gradients) - 2)]
     gradients, noise, P0, Q = _inputs(gradients, noise, P0, Q, axes)
     bound = np.empty((*gradients.shape, 2))
     steps = gradients.shape[-2]

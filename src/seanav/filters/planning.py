@@ -12,7 +12,7 @@ import numpy as np
 
 from seanav import checks
 from seanav._compile import kernel
-from seanav.filters.pcrb import deviation, pcrb, update
+from seanav.filters.pcrb import _update, deviation, pcrb
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class Plan:
 
 
 @kernel
-def step(ee, en, nn, slope_e, slope_n, R, q):
+def _step(ee, en, nn, slope_e, slope_n, R, q):
     """Return ee, en, nn after the process noise q per axis and the measurement at a cell."""
-    return update(ee + q, en, nn + q, slope_e, slope_n, R)
+    return _update(ee + q, en, nn + q, slope_e, slope_n, R)
 
 
 @kernel
-def sound(ee, en, nn):
+def _sound(ee, en, nn):
     """Tell whether a covariance is finite, and positive definite whatever rounding did.
 
     Of the determinant, rounding takes some 1e-16 of the product of the variances; what is
@@ -57,8 +57,8 @@ def sound(ee, en, nn):
     return ee > 0.0 and nn > 0.0 and product < np.inf and product - en * en > 1e-12 * product
 
 
-def refuse(noise, P0, process_noise, speed):
-    """Raise the `ParameterError` of a search that met a covariance which is not `sound`."""
+def _refuse(noise, P0, process_noise, speed):
+    """Raise the `ParameterError` of a search that met a covariance which is not `_sound`."""
     values = (noise, np.asarray(P0).tolist(), process_noise, speed)
     allowed = "must leave every covariance finite and positive definite in double precision"
     raise checks.ParameterError("noise, P0, process_noise, speed", values, allowed)
@@ -99,9 +99,9 @@ def _search(gradient, start, goal, R, P0, q, heuristic_rate):
                 q_step = q[1] if di != 0 and dj != 0 else q[0]
                 east_slope, north_slope = gradient[0, ni, nj], gradient[1, ni, nj]
                 ee, en, nn = P[cell, 0], P[cell, 1], P[cell, 2]
-                ee, en, nn = step(ee, en, nn, east_slope, north_slope, R, q_step)
+                ee, en, nn = _step(ee, en, nn, east_slope, north_slope, R, q_step)
                 cost = G[cell] + ee + nn
-                if not (sound(ee, en, nn) and cost < np.inf):
+                if not (_sound(ee, en, nn) and cost < np.inf):
                     return np.nan, parent, expanded, reopenings
                 other = ni * east + nj
                 if closed[other]:
@@ -153,8 +153,8 @@ def problem(gradient, spacing, start, goal, noise, P0, process_noise, speed):
     seconds = spacing / checks.number("speed", speed, above=0)
     rate = checks.number("process_noise", process_noise, at_least=0)
     noise, P0 = deviation(noise), checks.covariance("P0", P0, 2, definite=True)
-    if not sound(P0[0, 0], P0[0, 1], P0[1, 1]):
-        refuse(noise, P0, process_noise, speed)
+    if not _sound(P0[0, 0], P0[0, 1], P0[1, 1]):
+        _refuse(noise, P0, process_noise, speed)
     q = rate * seconds * np.array([1.0, np.sqrt(2.0)])
     return Problem(gradient, *cells, noise, P0, q)
 
@@ -213,7 +213,7 @@ def plan(gradient, spacing, start, goal, noise, P0, process_noise, speed):
         task.gradient, task.start, task.goal, task.R, task.P0, task.q, heuristic_rate
     )
     if np.isnan(cost):
-        refuse(noise, P0, process_noise, speed)
+        _refuse(noise, P0, process_noise, speed)
     cells = [task.goal]
     for _ in parent:  # a path has no more nodes than the map
         if cells[-1] == task.start:

@@ -11,8 +11,8 @@ import numpy as np
 
 from seanav._compile import kernel
 from seanav.checks import ParameterError, number
-from seanav.filters.matching import checked
-from seanav.models.gravity import bilinear
+from seanav.filters.matching import _demand_finite, checked
+from seanav.models.gravity import _bilinear
 
 # A weight below this fraction of the largest is set to zero. It spares most of the work,
 # and what is lost is far below the effect of the cells' width.
@@ -44,17 +44,18 @@ def _misfit(grid, spacing, measured, east, north, cell, box, column, share, line
     # Squared difference of the measurement and the bilinear map in every cell of the box
     # that has a weight; returns the least. Cell (i, j) is at (east + j cell, north + i cell).
     # The map is interpolated north once per row and then east, with `column` and `share`
-    # the same for all rows. Like `models.gravity.bilinear`, it is clamped at the border.
+    # the same for all rows. Like `models.gravity._bilinear`, it is clamped at the border;
+    # max(0, NaN) is 0, so that no index is made of NaN.
     rows, columns = grid.shape
     i0, i1, j0, j1 = box
     for j in range(j0, j1):
-        u = min(max((east + j * cell) / spacing, 0.0), columns - 1.0)
+        u = min(max(0.0, (east + j * cell) / spacing), columns - 1.0)
         column[j] = min(int(u), columns - 2)
         share[j] = u - column[j]
     first, last = column[j0], column[j1 - 1] + 2
     least = np.inf
     for i in range(i0, i1):
-        v = min(max((north + i * cell) / spacing, 0.0), rows - 1.0)
+        v = min(max(0.0, (north + i * cell) / spacing), rows - 1.0)
         row = min(int(v), rows - 2)
         t = v - row
         for c in range(first, last):
@@ -153,7 +154,7 @@ def _posterior(grid, spacing, truth, start, drift, noise, R, prior, a, b, cell):
                     _diffuse(weight, scratch, box, a, b)
                 east = truth[k, 0] + e - centre_east * cell
                 north = truth[k, 1] + n - centre_north * cell
-                measured = bilinear(grid, spacing, truth[k, 0], truth[k, 1]) + noise[r, k]
+                measured = _bilinear(grid, spacing, truth[k, 0], truth[k, 1]) + noise[r, k]
                 least = _misfit(
                     grid,
                     spacing,
@@ -232,18 +233,20 @@ def point_mass(
     """
     grid, inputs = checked(anomaly, spacing, truth, initial_error, drift, noise, R, P0, Q)
     spacing, truth, initial_error, drift, noise, R, P0, Q = inputs
-    cell = number("cell", cell, above=0)
+    cell = number("cell", cell, above=0, at_most=1e7)
     span = number("span_sigmas", span_sigmas, above=0)
     prior = _prior(P0, cell, span)
     if Q[0, 1] != 0.0 or Q.max() > cell**2:
         raise ParameterError("Q", Q.tolist(), f"must be diagonal and at most cell² = {cell**2:g}")
     a, b = Q.diagonal() / (2.0 * cell**2)
-    return _posterior(grid, spacing, truth, initial_error, drift, noise, R, prior, a, b, cell)
+    results = _posterior(grid, spacing, truth, initial_error, drift, noise, R, prior, a, b, cell)
+    _demand_finite(*results)
+    return results
 
 
 def _prior(P0, cell, span):
-    half_east, half_north = (math.ceil(span * math.sqrt(v) / cell) for v in P0.diagonal())
-    if (2 * half_east + 1) * (2 * half_north + 1) > _MOST_CELLS:
+    half_east, half_north = np.ceil(span * np.sqrt(P0.diagonal()) / cell)
+    if not (2 * half_east + 1) * (2 * half_north + 1) <= _MOST_CELLS:
         raise ParameterError("cell", cell, f"must be wider: above {_MOST_CELLS:,} cells")
     east = cell * np.arange(-half_east, half_east + 1)
     north = cell * np.arange(-half_north, half_north + 1)[:, None]

@@ -7,7 +7,7 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.signal.windows import tukey
 
 from seanav.checks import ParameterError, integer, number
-from seanav.models.gravity import GravityMap, geodetic_to_local, square_nodes
+from seanav.models.gravity import MOST_NODES, GravityMap, geodetic_to_local, square_nodes
 
 NORMAL_GRAVITY_MGAL = 9.81e5
 MEAN_RADIUS = 6371e3  # m
@@ -147,7 +147,7 @@ def from_geoid(latitude_deg=18.8, longitude_deg=128.0, size=101, spacing=1000.0)
     """
     latitude = _window("map_latitude_deg", latitude_deg, _LATITUDES, _PER_DEGREE_NORTH)
     longitude = _window("map_longitude_deg", longitude_deg, _LONGITUDES, _PER_DEGREE_EAST)
-    size = integer("map_size", size, at_least=3)
+    size = integer("map_size", size, at_least=3, at_most=MOST_NODES)
     spacing = number("map_spacing", spacing, above=0)
     centre = (float(latitude_deg), float(longitude_deg))
     at_latitude, at_longitude = square_nodes(centre, size, spacing)

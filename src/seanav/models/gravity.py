@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from seanav import checks
 from seanav._compile import kernel
-from seanav.checks import ParameterError, number
+from seanav.checks import ParameterError, array, integer, number
 
 MGAL = 1e-5  # m/s²
+MOST_NODES = 5001  # per side of a map
 
 # Earth of paper 5, below its (32). A flattening of 1/298.3 is the one printed there.
 EARTH_RADIUS = 6378137.0
@@ -46,15 +48,12 @@ class GravityMap:
     centre: tuple[float, float] | None = None
 
     def __post_init__(self):
-        # One memory layout, so that each kernel is compiled for one signature.
-        anomaly = np.array(self.anomaly, dtype=np.float64, order="C")
-        if anomaly.ndim != 2 or min(anomaly.shape) < 3:
-            raise ParameterError("anomaly", anomaly.shape, "must have at least 3 × 3 nodes")
-        missing = np.count_nonzero(~np.isfinite(anomaly))
-        if missing:
-            raise ParameterError("anomaly", f"{missing} nodes", "must be finite at every node")
-        object.__setattr__(self, "anomaly", anomaly)
+        # One memory layout, so that each kernel is compiled for one signature; a copy, so
+        # that the map keeps what was checked.
+        object.__setattr__(self, "anomaly", _nodes("anomaly", self.anomaly).copy())
         object.__setattr__(self, "spacing", number("spacing", self.spacing, above=0))
+        if self.centre is not None:
+            object.__setattr__(self, "centre", _place("centre", self.centre))
 
     @classmethod
     def from_mgal(cls, anomaly_mgal, spacing, *, name, source, centre=None):
@@ -74,8 +73,14 @@ class GravityMap:
         Returns
         -------
         GravityMap
+
+        Raises
+        ------
+        ParameterError
+            As the class.
         """
-        return cls(np.round(anomaly_mgal, 6) * MGAL, spacing, name, source, centre)
+        rounded = np.round(_nodes("anomaly_mgal", anomaly_mgal), 6)
+        return cls(rounded * MGAL, spacing, name, source, centre)
 
     @property
     def anomaly_mgal(self):
@@ -87,6 +92,20 @@ class GravityMap:
         """Length of the map's sides (east, north), m."""
         north, east = self.anomaly.shape
         return (east - 1) * self.spacing, (north - 1) * self.spacing
+
+
+def _nodes(name, value):
+    """Return a checked grid (north, east) of at least 3 × 3 finite values."""
+    grid = array(name, value, ("north", "east"))
+    if min(grid.shape) < 3:
+        raise ParameterError(name, grid.shape, "must have at least 3 × 3 nodes")
+    return grid
+
+
+def _place(name, value):
+    """Return a checked (latitude, longitude), degrees, away from the poles."""
+    latitude, longitude = array(name, value, (2,)).tolist()
+    return number(f"latitude of {name}", latitude, at_least=-89, at_most=89), longitude
 
 
 def gradient(gravity_map):
@@ -103,13 +122,20 @@ def gradient(gravity_map):
     -------
     array (2, north, east)
         ∂h/∂east, then ∂h/∂north, s⁻².
+
+    Raises
+    ------
+    ParameterError
+        If it is no `GravityMap`.
     """
+    if not isinstance(gravity_map, GravityMap):
+        raise ParameterError("gravity_map", gravity_map, "must be a GravityMap")
     d_north, d_east = np.gradient(gravity_map.anomaly, gravity_map.spacing, edge_order=2)
     return np.stack([d_east, d_north])
 
 
 @kernel
-def bilinear(grid, spacing, east, north):
+def _bilinear(grid, spacing, east, north):
     """Value of a grid at one point, between its four neighbours.
 
     A point off the grid gets the value of the nearest point on its border; a NaN coordinate
@@ -147,7 +173,7 @@ def bilinear(grid, spacing, east, north):
 def _bilinear_many(grids, spacing, points, values):
     for n in range(points.shape[0]):
         for k in range(grids.shape[0]):
-            values[n, k] = bilinear(grids[k], spacing, points[n, 0], points[n, 1])
+            values[n, k] = _bilinear(grids[k], spacing, points[n, 0], points[n, 1])
 
 
 def interpolate(grid, spacing, points):
@@ -160,18 +186,29 @@ def interpolate(grid, spacing, points):
     spacing : float
         Distance between nodes, m.
     points : array (..., 2)
-        East and north, m from the lower left corner; off the grid as in `bilinear`.
+        East and north, m from the lower left corner. A point off the grid gets the value
+        of the nearest point on its border.
 
     Returns
     -------
     array (...) or (..., layers)
         In the unit of the grid; for a gradient the last axis is (∂h/∂east, ∂h/∂north).
+
+    Raises
+    ------
+    ParameterError
+        If shapes do not fit, a value is not finite, the grid has fewer than 2 × 2 nodes, or
+        the spacing is not positive.
     """
-    grid = np.ascontiguousarray(grid, dtype=np.float64)
-    points = np.asarray(points, dtype=np.float64)
-    stack = grid if grid.ndim == 3 else grid[None]
+    several = checks.dimensions(grid) > 2
+    grid = array("grid", grid, ("layers", "north", "east") if several else ("north", "east"))
+    if min(grid.shape[-2:]) < 2:
+        raise ParameterError("grid", grid.shape, "must have at least 2 × 2 nodes")
+    spacing = number("spacing", spacing, above=0)
+    points = array("points", points, (..., 2))
+    stack = grid if several else grid[None]
     values = np.empty((points.size // 2, len(stack)))
-    _bilinear_many(stack, float(spacing), np.ascontiguousarray(points.reshape(-1, 2)), values)
+    _bilinear_many(stack, spacing, points.reshape(-1, 2), values)
     return values.reshape(points.shape[:-1] + grid.shape[:-2])
 
 
@@ -197,12 +234,20 @@ def geodetic_to_local(latitude_deg, longitude_deg, centre):
     -------
     east, north : array (...)
         Metres from the centre. Paper 5, (31)–(32).
+
+    Raises
+    ------
+    ParameterError
+        If a number is not finite, or a latitude beyond a pole.
     """
+    centre = _place("centre", centre)
+    latitude_deg = array("latitude_deg", latitude_deg, (...,), at_least=-90, at_most=90)
+    longitude_deg = array("longitude_deg", longitude_deg, (...,))
     meridian, prime_vertical = _radii(centre[0])
-    turn = np.asarray(longitude_deg, dtype=np.float64) - centre[1]
+    turn = longitude_deg - centre[1]
     turn = turn - 360.0 * np.round(turn / 360.0)
     east = np.radians(turn) * np.cos(np.radians(centre[0])) * prime_vertical
-    north = np.radians(np.asarray(latitude_deg, dtype=np.float64) - centre[0]) * meridian
+    north = np.radians(latitude_deg - centre[0]) * meridian
     return east, north
 
 
@@ -222,11 +267,18 @@ def local_to_geodetic(east, north, centre):
     -------
     latitude_deg, longitude_deg : array (...)
         Degrees; the longitude within 180° of the centre's.
+
+    Raises
+    ------
+    ParameterError
+        If a number is not finite, or the centre at a pole.
     """
+    centre = _place("centre", centre)
+    east, north = array("east", east, (...,)), array("north", north, (...,))
     meridian, prime_vertical = _radii(centre[0])
-    latitude = centre[0] + np.degrees(np.asarray(north, dtype=np.float64) / meridian)
+    latitude = centre[0] + np.degrees(north / meridian)
     across = np.cos(np.radians(centre[0])) * prime_vertical
-    return latitude, centre[1] + np.degrees(np.asarray(east, dtype=np.float64) / across)
+    return latitude, centre[1] + np.degrees(east / across)
 
 
 def square_nodes(centre, size, spacing):
@@ -245,6 +297,13 @@ def square_nodes(centre, size, spacing):
     -------
     latitude_deg, longitude_deg : array (size,)
         Degrees, by `local_to_geodetic`.
+
+    Raises
+    ------
+    ParameterError
+        If a number is not usable; a side has at most `MOST_NODES` nodes.
     """
+    size = integer("size", size, at_least=1, at_most=MOST_NODES)
+    spacing = number("spacing", spacing, above=0)
     offset = (np.arange(size) - (size - 1) / 2) * spacing
     return local_to_geodetic(offset, offset, centre)

@@ -14,8 +14,8 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.warp import transform
 from scipy.interpolate import RectBivariateSpline
 
-from seanav.checks import ParameterError, integer, number
-from seanav.models.gravity import MGAL, GravityMap, square_nodes
+from seanav.checks import ParameterError, choice, integer, number
+from seanav.models.gravity import MGAL, MOST_NODES, GravityMap, square_nodes
 
 # Free-air anomalies at sea stay within some hundred mGal, and 100 km of sea floor flatter
 # than a tenth of a milligal does not exist; values in m/s² taken for mGal are that flat.
@@ -26,7 +26,13 @@ _UNITS = {
     f"{prefix}{unit}": factor * size
     for prefix, factor in (("", 1.0), ("c", 1e-2), ("m", 1e-3), ("u", 1e-6), ("n", 1e-9))
     for unit, size in (("m/s2", 1.0), ("m/s/s", 1.0), ("ms-2", 1.0), ("gal", 1e-2))
-} | {"milligal": MGAL, "milligals": MGAL, "mgals": MGAL}
+} | {"milligal": MGAL, "milligals": MGAL, "mgals": MGAL, "microgal": 1e-6 * 1e-2}
+
+# What a user may say of a file that does not say it itself.
+MAP_UNITS = ("file", "mGal", "m/s2", "µGal", "uGal")
+
+# Another installation's GDAL and PROJ find their data by these, and rasterio would too.
+_FOREIGN = ("PROJ_LIB", "PROJ_DATA", "GDAL_DATA")
 
 _LATITUDE_NAMES = ("lat", "latitude", "y")
 _LONGITUDE_NAMES = ("lon", "longitude", "x")
@@ -59,7 +65,8 @@ def _select(source, variable, candidates):
 
 def _netcdf_axis(dataset, names):
     for variable in dataset.variables.values():
-        if variable.name.lower() in names and variable.ndim == 1:
+        numeric = getattr(variable.dtype, "kind", "O") in "iuf"
+        if variable.name.lower() in names and variable.ndim == 1 and numeric:
             return variable
     return None
 
@@ -86,10 +93,13 @@ def _open_netcdf(source, variable):
         values = dataset[_select(source, variable, candidates)]
 
         y, x = (np.ma.filled(axis[:].astype(float), np.nan) for axis in (latitude, longitude))
-        units = [getattr(axis, "units", "degrees").lower() for axis in (latitude, longitude)]
+        units = [str(getattr(axis, "units", "degrees")).lower() for axis in (latitude, longitude)]
         degrees = all(unit.startswith("degree") for unit in units)
         if not (degrees and np.all(np.abs(y) <= 90.01) and np.all(np.abs(x - 90) <= 270.01)):
             allowed = f"must have {latitude.name} and {longitude.name} in degrees"
+            raise ParameterError("map_source", source, allowed)
+        if min(len(y), len(x)) < 2:
+            allowed = f"must have two values or more on {latitude.name} and {longitude.name}"
             raise ParameterError("map_source", source, allowed)
 
         def read(rows, columns):
@@ -100,12 +110,49 @@ def _open_netcdf(source, variable):
             return block.T if transposed else block
 
         yield _Grid(
-            values.name, getattr(values, "units", ""), y, x, True, read, lambda lat, lon: (lat, lon)
+            values.name,
+            str(getattr(values, "units", "")),
+            y,
+            x,
+            True,
+            read,
+            lambda lat, lon: (lat, lon),
         )
 
 
 @contextlib.contextmanager
+def _own_data():
+    # Without the variables rasterio takes the data of the version that it came with.
+    theirs = {name: os.environ.pop(name) for name in _FOREIGN if name in os.environ}
+    try:
+        yield
+    finally:
+        os.environ.update(theirs)
+
+
+def _band(source, variable, dataset):
+    # Number and name of a band. Its number always serves, its description if it is the only
+    # one of that text.
+    texts = dataset.descriptions
+    names = [
+        text if text and texts.count(text) == 1 else str(band)
+        for band, text in enumerate(texts, start=1)
+    ]
+    numbers = [str(band) for band in range(1, dataset.count + 1)]
+    if str(variable) in numbers and str(variable) not in names:
+        return int(variable), names[int(variable) - 1]
+    label = _select(source, variable, names)
+    return names.index(label) + 1, label
+
+
+@contextlib.contextmanager
 def _open_geotiff(source, variable):
+    with _own_data(), _placed_geotiff(source, variable) as grid:
+        yield grid
+
+
+@contextlib.contextmanager
+def _placed_geotiff(source, variable):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)  # said below, as an error
         dataset = rasterio.open(source)
@@ -115,9 +162,7 @@ def _open_geotiff(source, variable):
         if not placed or matrix.b != 0 or matrix.d != 0:
             needs = "a geographic or projected reference system, and rows that run along its x axis"
             raise ParameterError("map_source", source, f"must have {needs}")
-        names = [text or str(band) for band, text in enumerate(dataset.descriptions, start=1)]
-        label = _select(source, variable, names)
-        band = names.index(label) + 1
+        band, label = _band(source, variable, dataset)
         scale, offset = dataset.scales[band - 1], dataset.offsets[band - 1]
 
         def read(rows, columns):
@@ -204,11 +249,24 @@ def _sample(grid, source, latitude, longitude):
     return spline.ev(y, x)
 
 
-def _in_mgal(values, unit, source, label):
-    known = unit.strip().lower().replace("²", "2").replace("µ", "u").replace("μ", "u")
-    known = known.translate(str.maketrans("", "", " ^*.()"))
+def _spelled(unit):
+    # µ has two code points; exponents and products have many spellings.
+    same = str.maketrans("µμ²⁻", "uu2-", " ^*.·()")
+    return unit.strip().lower().translate(same)
+
+
+def _in_mgal(values, unit, map_unit, source, label):
+    known, said = _spelled(unit), _spelled(map_unit)
+    if map_unit != "file":
+        if known in _UNITS and _UNITS[known] != _UNITS[said]:
+            allowed = f"must be 'file': {label} has the unit {unit!r}"
+            raise ParameterError("map_unit", map_unit, allowed)
+        known, unit = said, map_unit
     if known and known not in _UNITS:
-        allowed = f"must be in mGal or m/s² (or a prefix of them); {label} has the unit {unit!r}"
+        allowed = (
+            f"must be in mGal or m/s² (or a prefix of them), or map_unit must name its unit; "
+            f"{label} has the unit {unit!r}"
+        )
         raise ParameterError("map_source", source, allowed)
     values = values * (_UNITS[known] / MGAL if known else 1.0)
     largest, spread = np.max(np.abs(values)), np.ptp(values)
@@ -222,13 +280,15 @@ def _in_mgal(values, unit, source, label):
     return values
 
 
-def from_file(path, latitude_deg, longitude_deg, size=101, spacing=1000.0, variable=None):
+def from_file(
+    path, latitude_deg, longitude_deg, size=101, spacing=1000.0, variable=None, unit="file"
+):
     """Gravity map cut from a grid in a file.
 
     NetCDF 3 or 4 (HDF5) with one-dimensional ``lat``/``lon``, ``latitude``/``longitude`` or
     ``y``/``x`` in degrees, rising or falling, 0…360° or ±180°; GeoTIFF in any coordinate
-    reference system. Only the window is read, and resampled by a cubic spline. Without a
-    unit in the file, mGal is assumed; values in µm/s² then pass unnoticed.
+    reference system. Packed values and fill values are undone. Only the window is read, and
+    resampled by a cubic spline.
 
     Parameters
     ----------
@@ -241,8 +301,12 @@ def from_file(path, latitude_deg, longitude_deg, size=101, spacing=1000.0, varia
     spacing : float
         Distance between nodes, m.
     variable : str, optional
-        Variable of a NetCDF file or band of a GeoTIFF (its description, or its number where
-        it has none); needed if there are several.
+        Variable of a NetCDF file, or band of a GeoTIFF by its number, from 1, or its
+        description; needed if there are several.
+    unit : {"file", "mGal", "m/s2", "µGal", "uGal"}
+        "file": the unit that the file states; if it states none, mGal is assumed, and values
+        in µm/s² then pass unnoticed. Otherwise the unit of a file that states none, or one
+        that is not known here.
 
     Returns
     -------
@@ -252,12 +316,14 @@ def from_file(path, latitude_deg, longitude_deg, size=101, spacing=1000.0, varia
     ------
     ParameterError
         If the file is missing or not such a grid, holds several grids, does not cover the
-        window or has no value somewhere in it, or is not in a unit of gravity.
+        window or has no value somewhere in it, or is not in a unit of gravity, or states
+        another one than `unit`.
     """
     latitude_deg = number("map_latitude_deg", latitude_deg, at_least=-80, at_most=80)
     longitude_deg = number("map_longitude_deg", longitude_deg, at_least=-180, at_most=360)
-    size = integer("map_size", size, at_least=3)
+    size = integer("map_size", size, at_least=3, at_most=MOST_NODES)
     spacing = number("map_spacing", spacing, above=0)
+    choice("map_unit", unit, MAP_UNITS)
     if not isinstance(path, str | os.PathLike) or not Path(path).is_file():
         allowed = "must be 'geoid', 'synthetic' or the path of an existing file"
         raise ParameterError("map_source", path, allowed)
@@ -266,7 +332,7 @@ def from_file(path, latitude_deg, longitude_deg, size=101, spacing=1000.0, varia
     try:
         with _open(source, variable) as grid:
             values = _sample(grid, source, *square_nodes(centre, size, spacing))
-            values = _in_mgal(values, grid.unit, source, grid.label)
+            values = _in_mgal(values, grid.unit, unit, source, grid.label)
     except (OSError, RuntimeError, RasterioError) as error:
         # One line: the libraries' own messages may have several.
         cause = " ".join(str(error).split())

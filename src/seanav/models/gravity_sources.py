@@ -5,7 +5,7 @@ from scipy import fft
 
 from seanav.checks import integer, number
 from seanav.models.geoid import from_geoid
-from seanav.models.gravity import GravityMap
+from seanav.models.gravity import MOST_NODES, GravityMap
 from seanav.models.gravity_files import from_file
 
 
@@ -46,7 +46,7 @@ def synthetic(
         If a parameter is out of range; ℓ must lie between the spacing and the map's side.
     """
     seed = integer("map_seed", seed, at_least=0)
-    size = integer("map_size", size, at_least=3)
+    size = integer("map_size", size, at_least=3, at_most=MOST_NODES)
     spacing = number("map_spacing", spacing, above=0)
     deviation = number("map_standard_deviation_mgal", standard_deviation_mgal, above=0)
     length = number(
@@ -82,6 +82,7 @@ def load(
     size=101,
     spacing=1000.0,
     variable=None,
+    unit="file",
     correlation_length=14e3,
     standard_deviation_mgal=14.0,
     seed=1,
@@ -102,6 +103,8 @@ def load(
         Distance between nodes, m.
     variable : str, optional
         Variable or band of a file that has several.
+    unit : str
+        Unit of a file that states none, see `seanav.models.gravity_files.from_file`.
     correlation_length, standard_deviation_mgal, seed
         Of a synthetic map: see `synthetic`.
 
@@ -118,4 +121,4 @@ def load(
         return synthetic(seed, correlation_length, standard_deviation_mgal, size, spacing)
     if source == "geoid":
         return from_geoid(latitude_deg, longitude_deg, size, spacing)
-    return from_file(source, latitude_deg, longitude_deg, size, spacing, variable)
+    return from_file(source, latitude_deg, longitude_deg, size, spacing, variable, unit)
