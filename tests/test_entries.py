@@ -24,6 +24,7 @@ import math
 import pkgutil
 import subprocess
 import sys
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,12 +37,15 @@ from seanav import checks, montecarlo
 from seanav.filters import (
     adaptive,
     blended,
+    continuous_discrete,
+    generated,
     imm,
     ins,
     kalman,
     labels,
     linear_covariance,
     matching,
+    moments,
     neural,
     pcrb,
     planning,
@@ -53,8 +57,6 @@ from seanav.models import attitude, currents, earth, gravity, inertial, trajecto
 
 # Modules without rows so far, and why.
 OPEN = {
-    "filters.continuous_discrete": "rows to be added",
-    "filters.generated": "rows to be added",
     "filters.formulas": "text and symbols, no kernel",
     "filters.moments": "symbols, no kernel",
     "filters.sde": "symbols, no kernel",
@@ -212,6 +214,70 @@ def _mgal(**others):
 _MAP = gravity.GravityMap(_random(4, 5))
 _WALK = {"gradients": _random(4, 2), "noise": 0.5, "P0": np.eye(2), "Q": np.diag([0.1, 0.2])}
 _PLACES = {"centre": np.array([18.5, 128.0])}
+
+
+@cache
+def _oscillator():
+    """Return the compiled equation, moments and measurement: two states, an input, a parameter."""
+    model = moments.system(
+        "x y", ["y", "mu*(1 - x**2)*y - x + f"], [["0"], ["0.3"]], inputs="f", parameters="mu"
+    )
+    measurement = moments.measurement(model, ["x + x*y", "y"])
+    return (
+        generated.Propagator(moments.close(model, "gaussian")),
+        generated.Simulator(model),
+        generated.Predictor(measurement),
+    )
+
+
+def _batch(runs=3, n=2):
+    return {"mean": _random(runs, n), "P": np.ones((runs, 1, 1)) * np.diag([2.0, 1.0])}
+
+
+def _records(runs=3):
+    return {
+        "x0": np.ones(2), "P0": np.eye(2), "z": _random(runs, 4, 2), "interval": 0.4, "step": 0.1,
+        "R": np.diag([2.0, 1.0]), "H": np.eye(2), "parameters": np.array([1.0]), "limit": 1e6,
+    }  # fmt: skip
+
+
+def _forces(times):
+    return np.sin(times)[:, None]
+
+
+def _filter(**others):
+    track = continuous_discrete.run(_oscillator()[0], forces=_forces, **others)
+    # What the NIS has not, the start and a filter that never corrects, is NaN.
+    return track.mean, track.P, *([] if others["R"] is None else [track.nis[:, 1:]])
+
+
+def _filter_expanded(**others):
+    return _filter(H=_oscillator()[2], **others)
+
+
+def _cloud(**others):
+    track = continuous_discrete.particle_filter(_oscillator()[1], forces=_forces, **others)
+    return track.mean, track.P, track.nis[:, 1:]
+
+
+def _rates(**others):
+    return _oscillator()[0].rates(**others)
+
+
+def _advance(**others):
+    return _oscillator()[0](**others)
+
+
+def _simulate(**others):
+    return _oscillator()[1](**others)
+
+
+def _predict(**others):
+    return _oscillator()[2](**others)
+
+
+_GENERATORS = montecarlo.streams(0, "entries", 3)
+_KNOWN = {"inputs": np.array([0.5]), "parameters": np.array([1.0])}
 _CHAIN = {"T": np.array([[0.9, 0.1], [0.2, 0.8]]), "mu": np.array([[0.4, 0.5, 1], [0.6, 0.5, 0]])}
 _AT = {"latitude": 0.6, "height": 10.0}
 _V_N = np.array([5.0, -3.0, 1.0])
@@ -221,6 +287,68 @@ ROWS = [
     Row(kalman.run, _kalman()),
     Row(linear_covariance.steady_covariance, _pick(_kalman(), "Phi", "H", "Q", "R")),
     Row(kalman.nees, {"errors": _random(3, 4, 2), "P": np.ones((3, 4, 1, 1)) * np.eye(2)}),
+    Row(
+        continuous_discrete.update,
+        _batch()
+        | {"z": _random(3, 2), "R": np.diag([2.0, 1.0]), "H": np.eye(2)}
+        | {"predicted": _random(3, 2), "spread": np.ones((3, 1, 1)) * np.eye(2)},
+        free=(("predicted", None), ("spread", None)),
+        in_place=("mean", "P"),
+    ),
+    Row(
+        continuous_discrete.update,
+        _batch() | {"z": _random(3, 1), "R": np.eye(1), "H": _random(3, 1, 2)},
+        free=(("H", ...),),  # H of one run is one for all
+        in_place=("mean", "P"),
+    ),
+    Row(continuous_discrete.systematic, {"weights": np.array([0.5, 0.3, 0.2]), "offset": 0.5}),
+    Row(
+        _filter,
+        _records(),
+        free=(("z", 0), ("z", 1), ("R", None)),
+        name="filters.continuous_discrete.run",
+    ),
+    Row(
+        _filter_expanded,
+        _pick(_records(), "x0", "P0", "z", "interval", "step", "R", "parameters"),
+        free=(("z", 0), ("z", 1), ("R", None)),
+        name="filters.continuous_discrete.run",
+    ),
+    Row(
+        _cloud,
+        _records() | {"particles": 20, "generators": _GENERATORS},
+        free=(("z", 1),),
+        name="filters.continuous_discrete.particle_filter",
+    ),
+    Row(generated.steps_within, {"duration": 0.4, "step": 0.1}),
+    Row(
+        _rates,
+        {"mean": np.ones(2), "P": np.eye(2)} | _KNOWN,
+        free=(("inputs", None),),
+        name="filters.generated.Propagator.rates",
+    ),
+    Row(
+        _advance,
+        _batch()
+        | {"duration": 0.4, "step": 0.1, "inputs": _random(9, 1), "parameters": np.array([1.0])},
+        free=(("inputs", None),),
+        in_place=("mean", "P"),
+        name="filters.generated.Propagator.__call__",
+    ),
+    Row(
+        _simulate,
+        {"x": _random(3, 2), "noise": _random(3, 4, 1), "step": 0.1, "inputs": _random(5, 1)}
+        | {"parameters": np.array([1.0]), "keep": 2},
+        free=(("inputs", None),),
+        in_place=("x",),
+        name="filters.generated.Simulator.__call__",
+    ),
+    Row(
+        _predict,
+        _batch() | _KNOWN,
+        free=(("inputs", ...), ("inputs", None)),
+        name="filters.generated.Predictor.__call__",
+    ),
     Row(
         adaptive.run,
         _kalman()

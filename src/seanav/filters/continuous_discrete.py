@@ -14,6 +14,8 @@ from seanav import checks
 from seanav._compile import kernel
 from seanav.checks import ParameterError
 
+MAX_PARTICLES = 1_000_000
+
 
 @kernel
 def _update(mean, P, predicted, H, R, z, nis):
@@ -132,7 +134,7 @@ def update(mean, P, z, R, H, predicted=None, spread=None):
 
 def _expansion(H, predicted, spread, sizes):
     """Return the checked linear or expanded measurement; H as (runs or 1, k, n)."""
-    each = np.ndim(H) == 3
+    each = checks.array("H", H, (...,)).ndim == 3
     shape = ("runs", "measurements", "states") if each else ("measurements", "states")
     H = checks.array("H", H, shape, sizes)
     if predicted is not None:
@@ -171,15 +173,18 @@ class Track:
     nis: np.ndarray
 
 
-def _prepared(x0, P0, z, interval, step, R, H, definite):
-    """Return the checked arguments that all filters share, and the steps of an interval."""
+def _prepared(x0, P0, z, interval, step, R, H, *, cloud):
+    """Return the checked arguments that all filters share, and the steps of an interval.
+
+    A `cloud` of particles is drawn from P0 and weighed by R and an array H.
+    """
     sizes = {}
     z = checks.array("z", z, ("runs", "samples", "measurements"), sizes)
     x0 = checks.array("x0", x0, ("states",), sizes)
-    P0 = checks.covariance("P0", P0, len(x0), definite=definite)
-    if R is not None:
+    P0 = checks.covariance("P0", P0, len(x0), definite=cloud)
+    if R is not None or cloud:
         R = checks.covariance("R", R, z.shape[2], definite=True)
-        if not callable(H):
+        if not callable(H) or cloud:
             H = checks.array("H", H, ("measurements", "states"), sizes)
     return x0, P0, z, R, H, checks.parts("step", step, "interval", interval)
 
@@ -239,7 +244,7 @@ def run(
         If shapes do not fit, a number is not finite, `R` or `P0` is no covariance, or the
         step does not divide the interval.
     """
-    x0, P0, z, R, H, steps = _prepared(x0, P0, z, interval, step, R, H, definite=False)
+    x0, P0, z, R, H, steps = _prepared(x0, P0, z, interval, step, R, H, cloud=False)
     limit = checks.number("limit", limit, above=0, at_most=1e100)
     (runs, count, k), n = z.shape, len(x0)
     mean, P = np.tile(x0, (runs, 1)), np.tile(P0, (runs, 1, 1))
@@ -328,6 +333,7 @@ def particle_filter(
         Positive definite: the cloud is drawn from it.
     generators : list of numpy.random.Generator, one per run
     particles : int
+        At most `MAX_PARTICLES`.
     limit : float
         A particle that leaves ±`limit` has exploded and carries no weight; a run without
         any other has diverged and is NaN from there on.
@@ -350,13 +356,14 @@ def particle_filter(
     N. J. Gordon, D. J. Salmond and A. F. M. Smith, "Novel approach to
     nonlinear/non-Gaussian Bayesian state estimation", *IEE Proceedings F* 140 (1993).
     """
-    checks.integer("particles", particles, at_least=2)
-    x0, P0, z, R, H, steps = _prepared(x0, P0, z, interval, step, R, H, definite=True)
+    checks.integer("particles", particles, at_least=2, at_most=MAX_PARTICLES)
+    x0, P0, z, R, H, steps = _prepared(x0, P0, z, interval, step, R, H, cloud=True)
     limit = checks.number("limit", limit, above=0, at_most=1e100)
     (runs, count, _), n = z.shape, len(x0)
-    if len(generators) != runs:
+    usable = isinstance(generators, (list, tuple)) and len(generators) == runs
+    if not usable or not all(isinstance(g, np.random.Generator) for g in generators):
         allowed = f"must be {runs} random generators, one per run of z"
-        raise ParameterError("generators", f"{len(generators)} of them", allowed)
+        raise ParameterError("generators", generators, allowed)
     inverse, root = np.linalg.inv(R), np.linalg.cholesky(P0)
     means, Ps = np.full((runs, count + 1, n), np.nan), np.full((runs, count + 1, n, n), np.nan)
     sizes = np.full((runs, count + 1), np.nan)
