@@ -16,12 +16,18 @@ SETTLING = 2.0  # s after the fault that no score counts
 STEPS = 20_000  # of one run, at most
 SAMPLES = 4_000_000  # runs times steps, at most: what is stored of them fits in a few GB
 
+_VARIANCE = Number(at_least=1e-20, at_most=1e6)
 _FIN = Number(at_least=-0.6, at_most=0.6)
 _STEERING, _DIVING = PLANES["steering"].states, PLANES["diving"].states
 
 
-def _variances(count, **bounds):
-    return List(Number(**bounds), count)
+def _none_or_variance(name, value):
+    # Smaller ones leave an H G Q Gᵀ Hᵀ that double precision cannot invert.
+    return 0.0 if Number()(name, value) == 0 else _VARIANCE(name, value)
+
+
+def _variances(count, kind=_VARIANCE):
+    return List(kind, count)
 
 
 def _states(names):
@@ -42,7 +48,7 @@ class Scenario(Parameters):
     seed: int = parameter(3, Integer(0), origin="assumed")
     dt: float = parameter(0.1, Number(above=0, at_most=SETTLING), unit="s", origin="assumed")
     duration: float = parameter(100.0, Number(at_least=40, at_most=1e4), unit="s", origin="assumed")
-    fault_time: float = parameter(50.0, Number(), unit="s", origin="assumed")
+    fault_time: float = parameter(50.0, Number(at_least=0), unit="s", origin="assumed")
     fault: str = parameter("loss", Choice(FAULTS), origin="assumed")
     discretisation: str = parameter(
         "euler", Choice(("euler", "exact")), origin="text", note="(7) and (13)"
@@ -50,7 +56,7 @@ class Scenario(Parameters):
     fin: str = parameter("sine", Choice(("sine", "step")), origin="assumed", note="the command")
     fin_rad: float = parameter(0.2, _FIN, unit="rad", origin="assumed", note="its size")
     fin_period: float = parameter(
-        20.0, Number(above=0), unit="s", origin="assumed", note="of the sine"
+        20.0, Number(at_least=1e-3, at_most=1e6), unit="s", origin="assumed", note="of the sine"
     )
     bias_rad: float = parameter(0.1, _FIN, unit="rad", origin="assumed", note='of the fault "bias"')
     stuck_rad: float = parameter(
@@ -58,31 +64,31 @@ class Scenario(Parameters):
     )
     Q_steering: tuple = parameter(
         (1e-5,) * 3,
-        _variances(3, at_least=0),
+        _variances(3, _none_or_variance),
         unit="SI²",
         origin="assumed",
         note="variances per step of v, r, psi",
     )
     R_steering: tuple = parameter(
-        (1e-4,) * 3, _variances(3, above=0), unit="SI²", origin="assumed", note="of v, r, psi"
+        (1e-4,) * 3, _variances(3), unit="SI²", origin="assumed", note="of v, r, psi"
     )
     Q_diving: tuple = parameter(
         (1e-5,) * 4,
-        _variances(4, at_least=0),
+        _variances(4, _none_or_variance),
         unit="SI²",
         origin="assumed",
         note="variances per step of w, q, theta, z",
     )
     R_diving: tuple = parameter(
-        (1e-4,) * 4, _variances(4, above=0), unit="SI²", origin="assumed", note="of w, q, theta, z"
+        (1e-4,) * 4, _variances(4), unit="SI²", origin="assumed", note="of w, q, theta, z"
     )
     measured_steering: tuple = parameter(_STEERING, _states(_STEERING), origin="assumed")
     measured_diving: tuple = parameter(_DIVING, _states(_DIVING), origin="assumed")
     initial_variance: float = parameter(
-        1e-2, Number(above=0), unit="SI²", origin="assumed", note="of every state"
+        1e-2, _VARIANCE, unit="SI²", origin="assumed", note="of every state"
     )
     alpha: float = parameter(
-        0.05, Number(above=0, below=1), origin="assumed", note="level of significance"
+        0.05, Number(at_least=1e-12, below=1), origin="assumed", note="level of significance"
     )
     window: int = parameter(
         20, Integer(1, 1000), unit="steps", origin="assumed", note="the paper's mu"
@@ -91,11 +97,14 @@ class Scenario(Parameters):
         "chi2", Choice(("chi2", "trace")), origin="text", note="(39)–(41), or (24)"
     )
     larger_Q: float = parameter(
-        100.0, Number(at_least=1), origin="ours", note="factor of the baseline with a larger Q"
+        100.0,
+        Number(at_least=1, at_most=1e9),
+        origin="ours",
+        note="factor of the baseline with a larger Q",
     )
     bias_walk_rad: float = parameter(
         0.01,
-        Number(above=0),
+        Number(at_least=1e-9, at_most=10),
         unit="rad per step",
         origin="ours",
         note="of the baseline with an input bias",

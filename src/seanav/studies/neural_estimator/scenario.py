@@ -27,10 +27,14 @@ class Scenario(Parameters):
     """
 
     speed: float = parameter(
-        6.0, Number(above=0, below=10), unit="m/s", origin="assumed", note="a merchant ship"
+        6.0, Number(at_least=0.01, below=10), unit="m/s", origin="assumed", note="a merchant ship"
     )
     heading_deg: float = parameter(
-        30.0, Number(), unit="deg", origin="assumed", note="at the start; no component is zero"
+        30.0,
+        Number(at_least=-360, at_most=360),
+        unit="deg",
+        origin="assumed",
+        note="at the start; no component is zero",
     )
     steps: int = parameter(
         200, Integer(1, 20_000), origin="assumed", note="of 3 s (text): ten minutes"
@@ -40,11 +44,11 @@ class Scenario(Parameters):
         20, Integer(2), unit="steps", origin="text", note="teaching pairs, stage 2"
     )
     noise: float = parameter(
-        0.3, Number(above=0), unit="m/s", origin="assumed", note="per component"
+        0.3, Number(at_least=1e-6, at_most=10), unit="m/s", origin="assumed", note="per component"
     )
     q: float = parameter(
         0.005,
-        Number(above=0),
+        Number(at_least=1e-12, at_most=100),
         unit="(m/s)² per step",
         origin="assumed",
         note="process noise of the numerical filter, per component",
@@ -56,12 +60,21 @@ class Scenario(Parameters):
         "blended", Choice(("blended", "printed")), origin="derived", note="the text: w2 = 0 is GLS"
     )
     hidden: int = parameter(100, _NEURONS, unit="neurons", origin="text", note="20 to 200")
-    rate: float = parameter(0.1, Number(above=0), origin="assumed", note="learning rate")
+    rate: float = parameter(
+        0.1, Number(at_least=1e-6, at_most=100), origin="assumed", note="learning rate"
+    )
     spread: float = parameter(
-        0.5, Number(above=0), origin="assumed", note="of the initial weights; random: text"
+        0.5,
+        Number(at_least=1e-6, at_most=100),
+        origin="assumed",
+        note="of the initial weights; random: text",
     )
     delta: float = parameter(
-        0.001, Number(above=0), unit="scaled", origin="text", note="where the teaching stops"
+        0.001,
+        Number(at_least=1e-12, at_most=1),
+        unit="scaled",
+        origin="text",
+        note="where the teaching stops",
     )
     reading: str = parameter(
         "max", Choice(neural.READINGS), origin="assumed", note="of Δ; the text: a difference"
@@ -102,7 +115,7 @@ class Scenario(Parameters):
     )
     turn_rates_deg_s: tuple = parameter(
         (0.0, 0.003, 0.006, 0.01, 0.02, 0.05, 0.1, 0.2),
-        List(Number(at_least=0), distinct=True),
+        List(Number(at_least=0, at_most=90), distinct=True),
         unit="deg/s",
         origin="ours",
     )
