@@ -1,7 +1,7 @@
 """A stochastic differential equation dx = f(x, t) dt + G(x, t) dW in symbols.
 
 W is a standard Wiener process (put the spectral density Q into G). `system` reads one,
-`observability` asks what a measurement sees of it, and `seanav.filters.moments` makes
+`observability` asks what a measurement sees of it, and `seanav.filters.moments.equations` makes
 its moment equations.
 """
 
@@ -13,7 +13,7 @@ import sympy as sp
 from sympy.polys.ring_series import rs_integrate, rs_mul
 
 from seanav.checks import ParameterError, integer
-from seanav.filters.formulas import SignedSquare, formula, number, shown, symbols
+from seanav.filters.moments.formulas import SignedSquare, formula, number, shown, symbols
 
 MAX_STATES = 30
 MAX_DRIFT_DEGREE, MAX_DIFFUSION_DEGREE = 10, 5  # in the states
@@ -107,7 +107,7 @@ def system(states, drift, diffusion, inputs="", parameters="") -> System:
         at most `MAX_STATES` states.
     drift : list, length n
         f, a polynomial in the states; terms ``c*x*Abs(x)`` are allowed. Coefficients are
-        formulas (`seanav.filters.formulas`) in inputs and parameters.
+        formulas (`seanav.filters.moments.formulas`) in inputs and parameters.
     diffusion : list of lists, shape (n, noises), or list, length n
         G, polynomial in the states; a flat list is a diagonal matrix.
 

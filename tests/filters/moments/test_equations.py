@@ -10,7 +10,8 @@ from scipy import linalg, stats
 from scipy.integrate import quad
 
 from seanav.checks import ParameterError
-from seanav.filters import generated, moments
+from seanav.filters import moments
+from seanav.filters.moments import generated
 from seanav.models import bodies
 
 DRIFT, DIFFUSION, NAMES = bodies.equations()
