@@ -1,17 +1,18 @@
-"""Compiled equations go to another process as pickles and give the same numbers there."""
+"""Compiled equations: in another process, from several threads, against a law that is known."""
 
 import os
 import pickle
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 from scipy import stats
 
 from seanav.filters import moments
-from seanav.filters.moments import continuous_discrete
+from seanav.filters.moments import continuous_discrete, generated
 
 # In the other process: nothing compiled so far, and not the same order of sets.
 OTHER = """
@@ -96,3 +97,11 @@ def test_state_dependent_noise_follows_the_lognormal_law():
     end = moments.Simulator(model)(np.ones((4000, 1)), noise, 0.002, None, [0.2, 0.4], 500)
     law = stats.lognorm(0.4, scale=np.exp(0.2 - 0.08))
     assert stats.kstest(end[:, -1, 0], law.cdf).pvalue > 1e-3
+
+
+def test_threads_share_one_finished_module():
+    # The sleep stands for a long import: nobody may see the module before `value` is there.
+    source = "import time\n\ntime.sleep(0.2)\nvalue = 7\n"
+    with ThreadPoolExecutor(4) as pool:
+        values = list(pool.map(lambda _: generated._module(source).value, range(4)))
+    assert values == [7] * 4

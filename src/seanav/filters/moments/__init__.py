@@ -11,6 +11,8 @@
 ``density``
     the Fokker–Planck equation of two states on a grid, a reference.
 
+A user's own equation::
+
     model = moments.system("x y", ["y", "mu*(1 - x**2)*y - x"], [["0"], ["s"]], parameters="mu s")
     propagate = moments.Propagator(moments.close(model, "gaussian"))
 
