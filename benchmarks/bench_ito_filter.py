@@ -1,4 +1,4 @@
-"""Speed of paper 1: derivation, propagation, the study. Figures to read, nothing passes or fails.
+"""Speed of paper 1: derivation, propagation, the run. Figures to read, nothing passes or fails.
 
 With the optional package cd-dynamax installed beside this one, its continuous-discrete EKF runs
 the same equation with the same scheme, steps and precision in this process, and the results are
@@ -15,15 +15,16 @@ from timing import best_of
 
 from seanav.filters import moments
 from seanav.models import bodies
-from seanav.studies import ito_filter as study
+from seanav.studies.ito_filter import run
+from seanav.studies.ito_filter.scenario import Scenario
 
 RUNS, INTERVAL, STEP = 150, 0.5, 0.05
 DERIVE = """
 import time
 from seanav.filters import moments
-from seanav.studies import ito_filter as study
+from seanav.studies.ito_filter import run
 start = time.process_time()
-model = study.body()
+model = run.body()
 moments.characteristic(model), moments.exact(model)
 for closure in moments.CLOSURES:
     moments.close(model, closure)
@@ -33,7 +34,7 @@ print(time.process_time() - start)
 
 def starts():
     """Return means (RUNS, 6) and covariances (RUNS, 6, 6) that differ from run to run."""
-    x0, P0 = study.Scenario().prior("torpedo")
+    x0, P0 = Scenario().prior("torpedo")
     mean = x0 + np.random.default_rng(0).standard_normal((RUNS, 6)) @ np.sqrt(P0)
     return mean, np.tile(P0, (RUNS, 1, 1))
 
@@ -43,7 +44,7 @@ def ours(closure):
     mean, P = starts()
     steps = round(INTERVAL / STEP)
     inputs = bodies.TORPEDO.forces(np.linspace(0, INTERVAL, 2 * steps + 1))
-    parameters, propagate = bodies.TORPEDO.parameters(), study.propagator(closure)
+    parameters, propagate = bodies.TORPEDO.parameters(), run.propagator(closure)
     ends = mean.copy(), P.copy()
     propagate(*ends, INTERVAL, STEP, inputs, parameters)
     return lambda: propagate(mean.copy(), P.copy(), INTERVAL, STEP, inputs, parameters), ends
@@ -168,8 +169,8 @@ def main():
         )
         times = used / cpu["ekf"]
         print(f"ekf against cd-dynamax: same result to 1e-9, {times:.0f} times faster (target 30)")
-    scenario = study.Scenario()
-    wall, used = best_of(lambda: study.run_all(scenario), 1)
+    scenario = Scenario()
+    wall, used = best_of(lambda: run.run_all(scenario), 1)
     line(f"study: {scenario.runs} runs, all cases, all filters", wall, used, "s", "45 s")
 
 

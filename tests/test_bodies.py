@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from seanav.filters import generated, moments
+from seanav.filters import moments
 from seanav.models import bodies
 
 
@@ -94,7 +94,7 @@ def test_drag_slows_the_simulated_body_as_the_solution_of_its_equation():
     parameters, step = bodies.TORPEDO.parameters(np.zeros(6)), 1e-3
     start = np.array([[1.5, 0, 0, 0, 0, 0]])
     noise = np.zeros((1, 4000, 6))
-    end = generated.Simulator(model)(start, noise, step, None, parameters)[0, -1]
+    end = moments.Simulator(model)(start, noise, step, None, parameters)[0, -1]
     shrink = 1.5**2 / (5 + 3 * 1.5**2) * np.exp(-2 * 5 * 4.0 / 31.41)
     assert end[0] == pytest.approx(np.sqrt(5 * shrink / (1 - 3 * shrink)), rel=2e-4)
     assert np.array_equal(end[1:], np.zeros(5))

@@ -37,8 +37,6 @@ from seanav import checks, montecarlo
 from seanav.filters import (
     adaptive,
     blended,
-    continuous_discrete,
-    generated,
     imm,
     ins,
     kalman,
@@ -51,16 +49,18 @@ from seanav.filters import (
     planning,
     point_mass,
 )
+from seanav.filters.moments import continuous_discrete, generated
 from seanav.models import attitude, currents, earth, gravity, inertial, trajectories, vehicles
 
 # ---------------------------------------------------------------- the table
 
 # Modules without rows so far, and why.
 OPEN = {
-    "filters.formulas": "text and symbols, no kernel",
-    "filters.moments": "symbols, no kernel",
-    "filters.sde": "symbols, no kernel",
-    "filters.sources": "symbols, no kernel",
+    "filters.ins.reference": "plain numpy, no kernel",
+    "filters.moments.equations": "symbols, no kernel",
+    "filters.moments.formulas": "text and symbols, no kernel",
+    "filters.moments.sde": "symbols, no kernel",
+    "filters.moments.sources": "symbols, no kernel",
     "models.bodies": "symbols, no kernel",
     "models.geoid": "no kernel",
     "models.gravity_files": "reads files, no kernel",
@@ -276,6 +276,10 @@ def _predict(**others):
     return _oscillator()[2](**others)
 
 
+def _fokker_planck(**others):
+    return moments.fokker_planck(lambda x, y: (y - x, -y), **others)
+
+
 _GENERATORS = montecarlo.streams(0, "entries", 3)
 _KNOWN = {"inputs": np.array([0.5]), "parameters": np.array([1.0])}
 _CHAIN = {"T": np.array([[0.9, 0.1], [0.2, 0.8]]), "mu": np.array([[0.4, 0.5, 1], [0.6, 0.5, 0]])}
@@ -306,26 +310,39 @@ ROWS = [
         _filter,
         _records(),
         free=(("z", 0), ("z", 1), ("R", None)),
-        name="filters.continuous_discrete.run",
+        name="filters.moments.continuous_discrete.run",
     ),
     Row(
         _filter_expanded,
         _pick(_records(), "x0", "P0", "z", "interval", "step", "R", "parameters"),
         free=(("z", 0), ("z", 1), ("R", None)),
-        name="filters.continuous_discrete.run",
+        name="filters.moments.continuous_discrete.run",
     ),
     Row(
         _cloud,
         _records() | {"particles": 20, "generators": _GENERATORS},
         free=(("z", 1),),
-        name="filters.continuous_discrete.particle_filter",
+        name="filters.moments.continuous_discrete.particle_filter",
+    ),
+    Row(
+        _fokker_planck,
+        {
+            "spread": np.array([0.2, 0.3]),
+            "mean": np.array([0.1, -0.2]),
+            "P": np.eye(2),
+            "duration": 0.1,
+            "half_widths": np.array([3.0, 4.0]),
+            "nodes": 11,
+            "steps": 5,
+        },
+        name="filters.moments.density.fokker_planck",
     ),
     Row(generated.steps_within, {"duration": 0.4, "step": 0.1}),
     Row(
         _rates,
         {"mean": np.ones(2), "P": np.eye(2)} | _KNOWN,
         free=(("inputs", None),),
-        name="filters.generated.Propagator.rates",
+        name="filters.moments.generated.Propagator.rates",
     ),
     Row(
         _advance,
@@ -333,7 +350,7 @@ ROWS = [
         | {"duration": 0.4, "step": 0.1, "inputs": _random(9, 1), "parameters": np.array([1.0])},
         free=(("inputs", None),),
         in_place=("mean", "P"),
-        name="filters.generated.Propagator.__call__",
+        name="filters.moments.generated.Propagator.__call__",
     ),
     Row(
         _simulate,
@@ -341,13 +358,13 @@ ROWS = [
         | {"parameters": np.array([1.0]), "keep": 2},
         free=(("inputs", None),),
         in_place=("x",),
-        name="filters.generated.Simulator.__call__",
+        name="filters.moments.generated.Simulator.__call__",
     ),
     Row(
         _predict,
         _batch() | _KNOWN,
         free=(("inputs", ...), ("inputs", None)),
-        name="filters.generated.Predictor.__call__",
+        name="filters.moments.generated.Predictor.__call__",
     ),
     Row(
         adaptive.run,
@@ -724,8 +741,8 @@ def faults(row):
 
 def _modules():
     for package in (seanav.filters, seanav.models):
-        for info in pkgutil.iter_modules(package.__path__):
-            yield importlib.import_module(f"{package.__name__}.{info.name}")
+        for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            yield importlib.import_module(info.name)
 
 
 def _short(module):

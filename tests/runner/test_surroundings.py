@@ -89,8 +89,8 @@ IMPORT = """
 import matplotlib, numba
 matplotlib.use("svg")
 before = dict(matplotlib.rcParams), numba.config.CACHE_DIR
-import seanav.filters.kalman, seanav.filters.generated, seanav.report, seanav.runner
-import seanav.__main__, seanav.studies.ito_figures
+import seanav.filters.kalman, seanav.filters.moments, seanav.report, seanav.runner
+import seanav.__main__, seanav.studies.ito_filter.figures
 assert before == (dict(matplotlib.rcParams), numba.config.CACHE_DIR)
 """
 

@@ -11,10 +11,17 @@ from matplotlib.figure import Figure
 NOTEBOOKS = Path(__file__).resolve().parents[2] / "notebooks"
 
 # Every option of every choice, and lists of one entry, unsorted, and off the printed points.
+ITO = {"runs": 4, "particle_runs": 2, "particles": 50, "mission": 4.0}
 IMM = {"runs": 2, "duration_s": 600.0}
 NEURAL = {"runs": 4, "max_epochs": 20, "hidden": 10, "hidden_sizes": [10, 5], "w1": 0.3}
 FADING = {"runs": 4, "settings": 6, "sweep_runs": 4}
 CASES = {
+    ("1_ito_filter", "two measurements"): ITO
+    | {"interval": 20.0, "mission": 40.0, "map_noise": [1.0], "map_interval": [2.0]},
+    ("1_ito_filter", "ten runs"): ITO
+    | {"runs": 10, "particle_runs": 12, "map_noise": [2.0, 0.5], "map_interval": [1.0, 0.5]},
+    ("1_ito_filter", "diverging"): ITO
+    | {"strong_noise": 30.0, "filter_step": 0.25, "map_noise": [30.0], "map_interval": [0.5]},
     ("2_neural_estimator", "short"): NEURAL | {"steps": 60, "settle": 5, "pairs": 2},
     ("2_neural_estimator", "one entry"): NEURAL
     | {"steps": 90, "hidden_sizes": [10], "weights": [0.5], "intervals": [2]},

@@ -7,7 +7,7 @@ added mass included:
     M v' = (M v) × ω + τ − drag,    J ω' = (J ω) × ω + (M v) × v + τ − drag.
 
 A module apart from `seanav.models.vehicles`, which holds numbers and kernels of one
-steered vehicle: here nothing is numeric until `seanav.filters.generated` compiles it,
+steered vehicle: here nothing is numeric until `seanav.filters.moments` compiles it,
 and simulation and every filter use the same symbols.
 """
 

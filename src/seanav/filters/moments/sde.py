@@ -1,19 +1,19 @@
 """A stochastic differential equation dx = f(x, t) dt + G(x, t) dW in symbols.
 
 W is a standard Wiener process (put the spectral density Q into G). `system` reads one,
-`observability` asks what a measurement sees of it, and `seanav.filters.moments` makes
+`observability` asks what a measurement sees of it, and `seanav.filters.moments.equations` makes
 its moment equations.
 """
 
 from collections import Counter
-from dataclasses import dataclass, field
 
+import attrs
 import numpy as np
 import sympy as sp
 from sympy.polys.ring_series import rs_integrate, rs_mul
 
 from seanav.checks import ParameterError, integer
-from seanav.filters.formulas import SignedSquare, formula, number, shown, symbols
+from seanav.filters.moments.formulas import SignedSquare, formula, number, shown, symbols
 
 MAX_STATES = 30
 MAX_DRIFT_DEGREE, MAX_DIFFUSION_DEGREE = 10, 5  # in the states
@@ -24,7 +24,7 @@ POLYNOMIAL = "must be a polynomial in the states"
 SUPPORTED = POLYNOMIAL + ", or that plus terms c*x*Abs(x)"
 
 
-@dataclass(frozen=True)
+@attrs.frozen
 class System:
     """A stochastic differential equation in symbols; made by `system`.
 
@@ -47,12 +47,16 @@ class System:
     diffusion: sp.ImmutableMatrix
     inputs: tuple = ()
     parameters: tuple = ()
-    mean: tuple = field(init=False)
-    covariance: sp.ImmutableMatrix = field(init=False)
+    mean: tuple = attrs.field(init=False)
+    covariance: sp.ImmutableMatrix = attrs.field(init=False)
 
-    def __post_init__(self):
+    @mean.default
+    def _mean(self):
+        return tuple(self.own("m_", [x.name], real=True) for x in self.states)
+
+    @covariance.default
+    def _covariance(self):
         n, names = len(self.states), [x.name for x in self.states]
-        mean = tuple(self.own("m_", [x], real=True) for x in names)
         pairs = [(i, j) for i in range(n) for j in range(i, n)]
         # States ab, a, ba: P_aba is two covariances.
         twice = Counter(names[i] + names[j] for i, j in pairs)
@@ -66,9 +70,7 @@ class System:
             )
             for i, j in pairs
         }
-        covariance = sp.ImmutableMatrix(n, n, lambda i, j: entry[min(i, j), max(i, j)])
-        object.__setattr__(self, "mean", mean)
-        object.__setattr__(self, "covariance", covariance)
+        return sp.ImmutableMatrix(n, n, lambda i, j: entry[min(i, j), max(i, j)])
 
     @property
     def known(self):
@@ -107,7 +109,7 @@ def system(states, drift, diffusion, inputs="", parameters="") -> System:
         at most `MAX_STATES` states.
     drift : list, length n
         f, a polynomial in the states; terms ``c*x*Abs(x)`` are allowed. Coefficients are
-        formulas (`seanav.filters.formulas`) in inputs and parameters.
+        formulas (`seanav.filters.moments.formulas`) in inputs and parameters.
     diffusion : list of lists, shape (n, noises), or list, length n
         G, polynomial in the states; a flat list is a diagonal matrix.
 

@@ -4,7 +4,7 @@
 density Q into G). The Kolmogorov backward operator L gives the evolution of every
 expectation, d⟨φ⟩/dt = ⟨Lφ⟩; φ = exp(s·x) is the characteristic function, φ = x and
 φ = x xᵀ are mean and covariance. A *closure* then says what the moments beyond the
-second are. What comes out are SymPy expressions; `seanav.filters.generated` compiles
+second are. What comes out are SymPy expressions; `seanav.filters.moments.generated` compiles
 the same expressions, so the equation that is printed is the function that runs.
 """
 
@@ -16,23 +16,16 @@ import numpy as np
 import sympy as sp
 
 from seanav.checks import ParameterError, choice, integer
-from seanav.filters.formulas import Magnitude, formula
-from seanav.filters.sde import (
+from seanav.filters.moments.formulas import Magnitude, formula
+from seanav.filters.moments.sde import (
     MAX_DRIFT_DEGREE,
     MAX_STATES,
     System,
     demand_polynomial,
     monomials,
-    observability,
     split,
-    system,
 )
 
-__all__ = [
-    "CLOSURES", "Measurement", "Moments", "System", "backward", "central_moment",
-    "characteristic", "close", "exact", "expectation", "forward", "gaussian_moment",
-    "isserlis", "measurement", "observability", "pairings", "system",
-]  # fmt: skip
 CLOSURES = ("ekf", "second order", "gaussian")
 MAX_DEGREE = 12  # of an expectation
 MAX_CURVATURE = 300  # terms in the second derivatives of a measurement

@@ -14,7 +14,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from seanav.checks import ParameterError
-from seanav.filters import generated, moments, sources
+from seanav.filters import moments
+from seanav.filters.moments import sources
 
 # ---------------------------------------------------------------- one equation, any names
 
@@ -198,7 +199,7 @@ def test_compiled_drag_is_that_of_the_parameters_by_name(given, parameters, numb
     model = moments.system("v", [given], [0.2], parameters=parameters)
     values = [numbers[name] for name in parameters.split()]
     mean, variance, (linear, cubic) = 0.8, 0.15, numbers.values()
-    rates = generated.Propagator(moments.close(model, "gaussian")).rates(
+    rates = moments.Propagator(moments.close(model, "gaussian")).rates(
         [mean], [[variance]], (), values
     )
     wanted = gauss_hermite(
@@ -206,7 +207,7 @@ def test_compiled_drag_is_that_of_the_parameters_by_name(given, parameters, numb
     )
     assert rates[0][0] == pytest.approx(wanted[0][0], rel=1e-13)
     assert rates[1][0, 0] == pytest.approx(wanted[1][0, 0], rel=1e-13)
-    track = generated.Simulator(model)(np.array([[mean]]), np.zeros((1, 1, 1)), 0.1, None, values)
+    track = moments.Simulator(model)(np.array([[mean]]), np.zeros((1, 1, 1)), 0.1, None, values)
     assert track[0, 1, 0] == pytest.approx(mean - 0.1 * (linear * mean + cubic * mean**3))
 
 
@@ -216,7 +217,7 @@ def test_covariances_of_ab_a_ba_are_three():
     drift = [f"{row[0]}*ab + {row[1]}*a + {row[2]}*ba" for row in A]
     model = moments.system("ab a ba", drift, [1, 2, 3])
     assert len({*model.covariance}) == 6
-    rates = generated.Propagator(moments.close(model, "gaussian")).rates(MEAN, P)
+    rates = moments.Propagator(moments.close(model, "gaussian")).rates(MEAN, P)
     np.testing.assert_allclose(rates[0], A @ MEAN, rtol=1e-13)
     np.testing.assert_allclose(rates[1], A @ P + P @ A.T + np.diag([1.0, 4.0, 9.0]), rtol=1e-12)
 
@@ -224,7 +225,7 @@ def test_covariances_of_ab_a_ba_are_three():
 def test_input_called_as_a_mean_is_the_input():
     model = moments.system("u v", ["-u + m_u", "u*v - m_u"], [1, 1], inputs="m_u")
     mean, C = np.array([0.5, 2.0]), np.array([[0.4, 0.1], [0.1, 0.3]])
-    rates = generated.Propagator(moments.close(model, "gaussian")).rates(mean, C, [3.0])
+    rates = moments.Propagator(moments.close(model, "gaussian")).rates(mean, C, [3.0])
     np.testing.assert_allclose(rates[0], [-0.5 + 3.0, 0.5 * 2.0 + 0.1 - 3.0], rtol=1e-13)
 
 

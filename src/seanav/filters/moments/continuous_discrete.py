@@ -216,7 +216,7 @@ def run(
 
     Parameters
     ----------
-    propagate : seanav.filters.generated.Propagator
+    propagate : seanav.filters.moments.generated.Propagator
     x0 : array, shape (n,); P0 : array, shape (n, n)
         Prior at time 0; a certain start, P0 = 0, is allowed.
     z : array, shape (runs, samples - 1, k)
@@ -225,7 +225,7 @@ def run(
         Between measurements and of the integration, s; the step divides the interval.
     R : array, shape (k, k), optional
         Positive definite. None: never correct (the one-stage estimator, prediction only).
-    H : array (k, n) or seanav.filters.generated.Predictor
+    H : array (k, n) or seanav.filters.moments.generated.Predictor
         Linear measurement, or one that is expanded to second order.
     forces : callable, optional
         Inputs at given times: (times,) -> (times, inputs).
@@ -328,7 +328,7 @@ def particle_filter(
 
     Parameters
     ----------
-    simulate : seanav.filters.generated.Simulator
+    simulate : seanav.filters.moments.generated.Simulator
     P0 : array, shape (n, n)
         Positive definite: the cloud is drawn from it.
     generators : list of numpy.random.Generator, one per run

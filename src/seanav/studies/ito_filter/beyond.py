@@ -1,16 +1,15 @@
 """Paper 1, beyond the paper: where second-order terms matter, and what the closure misses."""
 
-from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 
+import attrs
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import splu
 
-from seanav.filters import generated, moments
+from seanav.filters import moments
 from seanav.models import bodies
-from seanav.studies import ito_filter as study
+from seanav.studies.ito_filter import run, scores
+from seanav.studies.ito_filter.scenario import VEHICLES, Case
 
 # ---------------------------------------------------------------- second-order map
 
@@ -20,22 +19,22 @@ def second_order_map(scenario, vehicle) -> list:
 
     Linear velocities measured with variance `map_R`, for `map_mission` s; truth in steps of
     `map_step`, which divides every interval, and the same for all of them. The last entry
-    of a row is a paired `Estimate`, or None if a filter diverged.
+    of a row is a paired `Estimate`.
     """
-    case = study.Case(1, (0, 1, 2), scenario.map_R, "map")
+    case = Case(1, (0, 1, 2), scenario.map_R, "map")
     finest = min(scenario.map_interval)
     about = {"keep": finest, "mission": scenario.map_mission, "step": "map_step"}
     rows = []
     for factor in scenario.map_noise:
         noise = factor * scenario.noise(vehicle)
-        fine = study.simulate(scenario, vehicle, noise, **about)
+        fine = run.simulate(scenario, vehicle, noise, **about)
         for interval in scenario.map_interval:
             every = round(interval / finest)
-            truth = replace(fine, times=fine.times[::every], x=fine.x[:, ::every])
-            tracks = {c: study.estimate(scenario, truth, case, c) for c in ("gaussian", "ekf")}
-            scores = {name: study.score(truth, track) for name, track in tracks.items()}
-            free = study.score(truth, study.estimate(scenario, truth, case, corrected=False))
-            gain = study.root_ratio(*(study.total(scores[c], free) for c in ("gaussian", "ekf")))
+            truth = attrs.evolve(fine, times=fine.times[::every], x=fine.x[:, ::every])
+            tracks = {c: run.estimate(scenario, truth, case, c) for c in ("gaussian", "ekf")}
+            scored = {name: scores.score(truth, track) for name, track in tracks.items()}
+            free = scores.score(truth, run.estimate(scenario, truth, case, corrected=False))
+            gain = scores.root_ratio(*(scores.total(scored[c], free) for c in ("gaussian", "ekf")))
             rows.append((factor, interval, gain))
     return rows
 
@@ -49,7 +48,7 @@ def falling(rows, along):
     lines = {}
     for row in sorted(rows, key=lambda row: row[along]):
         lines.setdefault(row[1 - along], []).append(row[2])
-    held = [line for line in lines.values() if None not in line]
+    held = [line for line in lines.values() if not any(ratio.diverged for ratio in line)]
     falls = [all(b.value < a.value for a, b in pairwise(line)) for line in held]
     return sum(falls), len(lines)
 
@@ -59,13 +58,13 @@ def falling(rows, along):
 
 def sensitivity(scenario, vehicle, variances, factors) -> np.ndarray:
     """Return the filter's own sd, averaged over time, (factors, variances, 6): Remark 3."""
-    few = replace(scenario, runs=8, particle_runs=2)
+    few = attrs.evolve(scenario, runs=8, particle_runs=2)
     out = np.empty((len(factors), len(variances), 6))
     for i, factor in enumerate(factors):
-        truth = study.simulate(few, vehicle, factor * scenario.noise(vehicle))
+        truth = run.simulate(few, vehicle, factor * scenario.noise(vehicle))
         for k, R in enumerate(variances):
-            case = study.Case(1, (0, 1, 2), R, "sensitivity")
-            track = study.estimate(few, truth, case)
+            case = Case(1, (0, 1, 2), R, "sensitivity")
+            track = run.estimate(few, truth, case)
             settled = track.P[:, track.P.shape[1] // 2 :]
             out[i, k] = np.sqrt(np.diagonal(settled, axis1=2, axis2=3).mean(axis=(0, 1)))
     return out
@@ -98,7 +97,7 @@ def planar_exact(z0, r0, variance, d, k, g, times):
 
 def planar_closure(closure, z0, r0, variance, d, k, g, times):
     """Return the same from a closure: mean u + iv and tr P_uv at equidistant `times`."""
-    propagate = generated.Propagator(moments.close(planar(), closure))
+    propagate = moments.Propagator(moments.close(planar(), closure))
     mean, P = np.array([[z0.real, z0.imag, r0]]), np.zeros((1, 3, 3))
     P[0, 2, 2] = variance
     out = [(z0, 0.0)]
@@ -117,7 +116,7 @@ def sway_yaw():
 
     The six-state equations with w = p = q = 0 and u = u0, by substitution.
     """
-    model = study.body()
+    model = run.body()
     at = {x.name: x for x in (*model.states, *model.inputs, *model.parameters)}
     held = {at[name]: 0 for name in ("w", "p", "q")}
     drift = [model.drift[i].subs(held).subs(at["u"], "u0") for i in (1, 5)]
@@ -132,75 +131,6 @@ def sway_yaw_parameters(u0, noise):
     return [u0, *t.mass[:2], t.inertia[2], *drags, *noise, t.inputs[1], t.inputs[5]]
 
 
-@dataclass(frozen=True, eq=False)
-class Density:
-    """A density of two states on a grid: `p` (nx, ny) at the nodes `x`, `y`."""
-
-    x: np.ndarray
-    y: np.ndarray
-    p: np.ndarray
-
-    def moments(self):
-        """Return mean (2,), covariance (2, 2) and third central moments of both axes (2,)."""
-        p = self.p / self.p.sum()
-        grid = np.meshgrid(self.x, self.y, indexing="ij")
-        mean = np.array([(g * p).sum() for g in grid])
-        off = [g - m for g, m in zip(grid, mean, strict=True)]
-        P = np.array([[(a * b * p).sum() for a in off] for b in off])
-        return mean, P, np.array([(a**3 * p).sum() for a in off])
-
-
-def fokker_planck(drift, spread, mean, P, duration, half_widths, nodes=121, steps=200) -> Density:
-    """Solve the Fokker–Planck equation of two states on a dense grid.
-
-    Finite volumes with centred fluxes, nothing flows through the border; Crank–Nicolson
-    in time. Second order in both.
-
-    Parameters
-    ----------
-    drift : callable
-        (x, y) -> (f, g), on arrays.
-    spread : sequence of 2 floats
-        Diagonal of G Gᵀ.
-    mean, P : ndarray, shapes (2,), (2, 2)
-        Gaussian start.
-    duration : float
-        s.
-    half_widths : sequence of 2 floats
-        Of the grid about the start's mean.
-    nodes, steps : int
-        Per axis; in time.
-    """
-    axes = [m + np.linspace(-w, w, nodes) for m, w in zip(mean, half_widths, strict=True)]
-    operator = sparse.csc_array((nodes**2, nodes**2))
-    for axis in (0, 1):
-        h = axes[axis][1] - axes[axis][0]
-        middles = list(axes)
-        middles[axis] = axes[axis][:-1] + h / 2
-        speed = drift(*np.meshgrid(*middles, indexing="ij"))[axis].ravel()
-        ones = np.ones(nodes)
-        average = sparse.diags_array([ones / 2, ones / 2], offsets=[0, 1], shape=(nodes - 1, nodes))
-        slope = sparse.diags_array([-ones / h, ones / h], offsets=[0, 1], shape=(nodes - 1, nodes))
-        same = sparse.eye_array(nodes)
-        average, slope = (
-            sparse.kron(part, same) if axis == 0 else sparse.kron(same, part)
-            for part in (average, slope)
-        )
-        flux = sparse.diags_array(speed) @ average - 0.5 * spread[axis] * slope
-        # slopeᵀ is minus the divergence: what leaves a cell enters its neighbour.
-        operator = operator + slope.T @ flux
-    dt = duration / steps
-    same = sparse.eye_array(nodes**2)
-    solve = splu(sparse.csc_array(same - 0.5 * dt * operator)).solve
-    forward = sparse.csr_array(same + 0.5 * dt * operator)
-    offset = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1) - mean
-    p = np.exp(-0.5 * np.einsum("xyi,ij,xyj->xy", offset, np.linalg.inv(P), offset)).ravel()
-    p /= p.sum()
-    for _ in range(steps):
-        p = solve(forward @ p)
-    return Density(*axes, p.reshape(nodes, nodes))
-
-
 def sway_yaw_reference(noise, duration, mean, P, u0=1.0, half_widths=(1.8, 3.6)):
     """Return {name: (mean, P)} of closures and the Fokker–Planck solution, and the density."""
     parameters = sway_yaw_parameters(u0, noise)
@@ -210,11 +140,11 @@ def sway_yaw_reference(noise, duration, mean, P, u0=1.0, half_widths=(1.8, 3.6))
         sway = (-m1 * u0 * r + t2 - a2 * v - c2 * v**3) / m2
         return sway, ((m1 - m2) * u0 * v + t6 - a6 * r - c6 * r**3) / j3
 
-    density = fokker_planck(drift, np.square(noise), mean, P, duration, half_widths)
+    density = moments.fokker_planck(drift, np.square(noise), mean, P, duration, half_widths)
     out = {"Fokker–Planck": density.moments()[:2]}
     for closure in moments.CLOSURES:
         m, C = np.array([mean], dtype=float), np.array([P], dtype=float)
-        propagate = generated.Propagator(moments.close(sway_yaw(), closure))
+        propagate = moments.Propagator(moments.close(sway_yaw(), closure))
         propagate(m, C, duration, 0.01, None, parameters)
         out[closure] = m[0], C[0]
     return out, density
@@ -227,8 +157,8 @@ POINT = ("1/2", "1/3", "-1/5", "1/7", "-2/5", "3/11")  # a rational state, nothi
 
 def observability_rows(orders=8) -> list:
     """Return rows (vehicle, measured, rank by order of the Lie derivative …)."""
-    model, rows = study.body(), []
-    for vehicle in study.VEHICLES:
+    model, rows = run.body(), []
+    for vehicle in VEHICLES:
         craft = bodies.BODIES[vehicle]
         numbers = [f"{value}" for value in craft.parameters()]
         point = dict(zip(model.states, POINT, strict=True))

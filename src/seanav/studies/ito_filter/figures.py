@@ -1,10 +1,10 @@
-"""The drawings of paper 1; each function returns a matplotlib figure and computes nothing new."""
+"""Paper 1: the drawings; each function returns a figure and computes nothing new."""
 
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.patches import Ellipse
 
-from seanav.studies.ito_filter import COMPONENTS, UNITS, VEHICLES
+from seanav.studies.ito_filter.scenario import COMPONENTS, UNITS, VEHICLES
 
 TRUE = {"color": "black", "linestyle": ":", "linewidth": 1.3}
 FILTERED = {"color": "#0072b2", "linestyle": "-", "linewidth": 1.3}
@@ -55,16 +55,16 @@ def second_order_map(maps):
     """Draw error of the second-order filter over the EKF's, by noise and interval."""
     fig, axes = plt.subplots(1, len(maps), figsize=(8.4, 3.6))
     gains = [row[2] for rows in maps.values() for row in rows]
-    lowest = min([1.0, *(gain.value for gain in gains if gain is not None)])
+    lowest = min([1.0, *(gain.value for gain in gains)])
     for ax, (vehicle, rows) in zip(axes, maps.items(), strict=True):
         factors, intervals = (list(dict.fromkeys(row[k] for row in rows)) for k in (0, 1))
-        values = [np.nan if row[2] is None else row[2].value for row in rows]
+        values = [np.nan if row[2].diverged else row[2].value for row in rows]
         values = np.reshape(values, (len(factors), -1))
         shade = ax.imshow(values, origin="lower", vmin=lowest, vmax=1.0, aspect="auto")
         for index, (_, _, gain) in enumerate(rows):
             a, b = divmod(index, len(intervals))
             text, colour = "diverged", "black"
-            if gain is not None:
+            if not gain.diverged:
                 text = f"{gain.value:.3f}{'*' if gain.high < 1 else ''}"
                 colour = "white" if gain.value < 0.5 * (1 + lowest) else "black"
             ax.text(b, a, text, ha="center", va="center", color=colour)

@@ -20,8 +20,9 @@ import numpy as np
 
 from seanav import _compile
 from seanav.checks import ParameterError, array, in_place, integer, number
-from seanav.filters.moments import Measurement, Moments, System
-from seanav.filters.sources import (
+from seanav.filters.moments.equations import Measurement, Moments
+from seanav.filters.moments.sde import System
+from seanav.filters.moments.sources import (
     measurement_source,
     propagator_source,
     simulator_source,

@@ -1,7 +1,6 @@
 """Moment equations: symbols against each other, numbers against independent references."""
 
 import itertools
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -10,7 +9,8 @@ from scipy import linalg, stats
 from scipy.integrate import quad
 
 from seanav.checks import ParameterError
-from seanav.filters import generated, moments
+from seanav.filters import moments
+from seanav.filters.moments import generated
 from seanav.models import bodies
 
 DRIFT, DIFFUSION, NAMES = bodies.equations()
@@ -303,54 +303,6 @@ def test_second_order_measurement_agrees_with_monte_carlo_free_moments():
     np.testing.assert_allclose(whole, (offset * weight) @ offset.T, rtol=1e-11)
 
 
-# ---------------------------------------------------------------- a user's own equation
-
-
-def test_own_three_state_equation_as_text_or_sympy():
-    x, y, z = sp.symbols("x y z")
-    text = moments.system("x y z", ["10*(y - x)", "x*(28 - z) - y", "x*y - 8*z/3"], [1, 1, 1])
-    symbols = moments.system(
-        [x, y, z], [10 * (y - x), x * (28 - z) - y, x * y - sp.Rational(8, 3) * z], sp.eye(3)
-    )
-    assert text == symbols
-    mean, P, _ = random_point(3, 9)
-    rates = generated.Propagator(moments.close(text, "gaussian")).rates(mean, P)
-    np.testing.assert_allclose(rates[0][2], mean[0] * mean[1] + P[0, 1] - 8 / 3 * mean[2])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ("x", ["sin(x)"], [1]),
-            r"drift\[0\] = 'sin\(x\)': must be a polynomial in the states, or",
-        ),
-        (("x", ["1/x"], [1]), r"drift\[0\].*must be a polynomial"),
-        (("x y", ["x*y*Abs(x)", "y"], [1, 1]), r"drift\[0\].*terms c\*x\*Abs\(x\)"),
-        (("x", ["sqrt(x)"], [1]), r"drift\[0\].*must be a polynomial"),
-        (("x y", ["x"], [1, 1]), "drift = .*must have 2 entries, one per state"),
-        (("x y", ["x", "y"], [[1, 0]]), "diffusion = .*must have 2 rows of equal length"),
-        (("x y", ["x", "y"], [[1, 0], [1]]), "diffusion = .*must have 2 rows of equal length"),
-        (("x", ["k*x"], [1]), r"drift\[0\] = 'k\*x': must not use k; known: x"),
-        (("x", ["x +"], [1]), r"drift\[0\] = 'x \+': must be a formula"),
-        (("x x", ["x", "x"], [1, 1]), "states = .*must be different names"),
-        (("x", ["x"], ["exp(x)"]), r"diffusion\[0\]\[0\] = 'exp\(x\)': must be a polynomial"),
-    ],
-)
-def test_unusable_equation_is_one_clear_line(arguments, message):
-    with pytest.raises(ParameterError, match=message) as caught:
-        moments.system(*arguments)
-    assert "\n" not in str(caught.value)
-
-
-def test_threads_share_one_finished_module():
-    # The sleep stands for a long import: nobody may see the module before `value` is there.
-    source = "import time\n\ntime.sleep(0.2)\nvalue = 7\n"
-    with ThreadPoolExecutor(4) as pool:
-        values = list(pool.map(lambda _: generated._module(source).value, range(4)))
-    assert values == [7] * 4
-
-
 def test_expectation_of_what_is_no_polynomial_is_refused():
     x, y = VAN_DER_POL.states
     for expression in (sp.sin(x), 1 / x, sp.sqrt(x) * y):
@@ -413,31 +365,13 @@ def test_wrong_shapes_are_refused():
         propagate(mean, P, 1.0, 0, None, [1.0, 1.0])
 
 
-# ---------------------------------------------------------------- observability
-
-
-def test_observability_rank_of_linear_systems_is_kalmans():
-    model = moments.system("x y z", ["y", "z", "-x"], [1, 1, 1])
-    x, y, z = model.states
-    point = {x: 1, y: 2, z: 3}
-    assert moments.observability(model, [x], point, 4) == [1, 2, 3, 3]
-    hidden = moments.system("x y z", ["y", "-x", "-z"], [1, 1, 1])
-    x, y, z = hidden.states
-    assert moments.observability(hidden, [x], {x: 1, y: 2, z: 3}, 4) == [1, 2, 2, 2]
-    # A chain: only the last of four derivatives sees the last state.
-    chain = moments.system("a b c d", ["b", "c", "d", "0"], [1] * 4)
-    assert moments.observability(chain, chain.states[:1], dict.fromkeys(chain.states, 1), 4) == [
-        *range(1, 5)
-    ]
-
-
-def test_observability_rank_agrees_with_lie_derivatives_written_out():
-    model = moments.system("x y z", ["y*z", "x*z - y**3", "x - z"], [1, 1, 1])
-    x, y, z = model.states
-    point = {x: sp.Rational(1, 2), y: sp.Rational(2, 3), z: -1}
-    rows, lie, ranks = [], x, []
-    for _ in range(4):
-        rows.append([sp.diff(lie, s).subs(point) for s in model.states])
-        lie = sum(f * sp.diff(lie, s) for f, s in zip(model.drift, model.states, strict=True))
-        ranks.append(sp.Matrix(rows).rank())
-    assert moments.observability(model, [x], point, 4) == ranks
+def test_own_three_state_equation_as_text_or_sympy():
+    x, y, z = sp.symbols("x y z")
+    text = moments.system("x y z", ["10*(y - x)", "x*(28 - z) - y", "x*y - 8*z/3"], [1, 1, 1])
+    symbols = moments.system(
+        [x, y, z], [10 * (y - x), x * (28 - z) - y, x * y - sp.Rational(8, 3) * z], sp.eye(3)
+    )
+    assert text == symbols
+    mean, P, _ = random_point(3, 9)
+    rates = generated.Propagator(moments.close(text, "gaussian")).rates(mean, P)
+    np.testing.assert_allclose(rates[0][2], mean[0] * mean[1] + P[0, 1] - 8 / 3 * mean[2])

@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seanav.checks import ParameterError
-from seanav.filters import formulas, moments
+from seanav.filters import moments
+from seanav.filters.moments import formulas
 
 x, k = sp.symbols("x k", real=True)
 KNOWN = (x, k, sp.Symbol("lambda", real=True), sp.Symbol("pi", real=True))

@@ -1,15 +1,18 @@
-"""Compiled equations go to another process as pickles and give the same numbers there."""
+"""Compiled equations: in another process, from several threads, against a law that is known."""
 
 import os
 import pickle
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from seanav.filters import continuous_discrete, generated, moments
+from seanav.filters import moments
+from seanav.filters.moments import continuous_discrete, generated
 
 # In the other process: nothing compiled so far, and not the same order of sets.
 OTHER = """
@@ -24,7 +27,7 @@ from tests_of_pickles import numbers
 with open(sys.argv[1], "rb") as file:
     objects = pickle.load(file)
 print("modules", len(list(_compile.CACHE.glob("generated/*.py"))))
-from seanav.filters import generated, moments, sources
+from seanav.filters.moments import sources
 
 propagator, simulator, predictor = objects
 print(propagator.source == sources.propagator_source(propagator.moments))
@@ -55,9 +58,9 @@ def objects():
     drift = ["y - a_0*x*Abs(x)", "mu*(1 - x**2)*y - x + tau"]
     model = moments.system("x y", drift, [["0"], ["0.4"]], "tau", "mu a_0")
     return (
-        generated.Propagator(moments.close(model, "gaussian")),
-        generated.Simulator(model),
-        generated.Predictor(moments.measurement(model, ["x*y + a_0"])),
+        moments.Propagator(moments.close(model, "gaussian")),
+        moments.Simulator(model),
+        moments.Predictor(moments.measurement(model, ["x*y + a_0"])),
     )
 
 
@@ -85,3 +88,20 @@ def test_a_copy_is_as_good_as_the_object(objects):
     assert copies[2].measurement == objects[2].measurement
     for one, other in zip(numbers(*objects), numbers(*copies), strict=True):
         assert np.array_equal(one, other)
+
+
+def test_state_dependent_noise_follows_the_lognormal_law():
+    model = moments.system("x", ["a*x"], ["b*x"], parameters="a b")
+    rng = np.random.default_rng(7)
+    noise = rng.standard_normal((4000, 500, 1))
+    end = moments.Simulator(model)(np.ones((4000, 1)), noise, 0.002, None, [0.2, 0.4], 500)
+    law = stats.lognorm(0.4, scale=np.exp(0.2 - 0.08))
+    assert stats.kstest(end[:, -1, 0], law.cdf).pvalue > 1e-3
+
+
+def test_threads_share_one_finished_module():
+    # The sleep stands for a long import: nobody may see the module before `value` is there.
+    source = "import time\n\ntime.sleep(0.2)\nvalue = 7\n"
+    with ThreadPoolExecutor(4) as pool:
+        values = list(pool.map(lambda _: generated._module(source).value, range(4)))
+    assert values == [7] * 4

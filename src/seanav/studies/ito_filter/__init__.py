@@ -1,0 +1,1 @@
+"""Paper 1: nonlinear filtering of an AUV as an Itô process, moment equations by SymPy."""

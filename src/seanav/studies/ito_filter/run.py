@@ -1,0 +1,206 @@
+"""Paper 1: truth, measurements and filters of both vehicles."""
+
+from functools import cache
+
+import attrs
+import numpy as np
+
+from seanav import checks, montecarlo
+from seanav.filters import moments
+from seanav.filters.moments import Track, continuous_discrete
+from seanav.models import bodies
+from seanav.studies.ito_filter import scores
+from seanav.studies.ito_filter.scenario import STEPS, VEHICLES
+from seanav.studies.ito_filter.scores import Result
+
+LIMIT = 1e6  # m/s and rad/s; whatever is faster has diverged
+BATCH = 50  # runs per unit of parallel work; fixed, so that results do not depend on threads
+
+# ---------------------------------------------------------------- symbols, compiled once
+
+
+@cache
+def body() -> moments.System:
+    """Return the six-state equation in symbols, of both vehicles."""
+    drift, diffusion, names = bodies.equations()
+    return moments.system(bodies.STATES, drift, diffusion, bodies.INPUTS, names)
+
+
+@cache
+def propagator(closure: str) -> moments.Propagator:
+    """Return the compiled moment equations of a closure."""
+    return moments.Propagator(moments.close(body(), closure))
+
+
+@cache
+def simulator() -> moments.Simulator:
+    """Return the compiled equation itself."""
+    return moments.Simulator(body())
+
+
+# ---------------------------------------------------------------- truth and measurements
+
+
+@attrs.frozen(eq=False)
+class Truth:
+    """Simulated vehicles.
+
+    Attributes
+    ----------
+    vehicle : str
+    parameters : ndarray, shape (24,)
+        Of the body, diffusion included: the filters know it.
+    times : ndarray, shape (samples,)
+    x : ndarray, shape (runs, samples, 6)
+    """
+
+    vehicle: str
+    parameters: np.ndarray
+    times: np.ndarray
+    x: np.ndarray
+
+
+def simulate(scenario, vehicle, noise=None, keep=None, mission=None, step=None) -> Truth:
+    """Simulate the runs of a vehicle.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    vehicle : str
+    noise : array, shape (6,), optional
+        Diffusion; default: the scenario's.
+    keep, mission : float, optional
+        Time between the states that are kept and of all, s; default: interval and mission
+        of the scenario.
+    step : str, optional
+        Name of the scenario's step, Euler–Maruyama; default: the vehicle's.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If the step does not divide `keep`, or `keep` the mission; if the vehicle explodes,
+        which is the fault of the step.
+    """
+    craft = bodies.BODIES[vehicle]
+    noise = scenario.noise(vehicle) if noise is None else noise
+    name = step or f"{vehicle}_step"
+    step = getattr(scenario, name)
+    mission = scenario.mission if mission is None else mission
+    keep = scenario.interval if keep is None else keep
+    steps = checks.parts(name, step, "mission", mission, at_most=STEPS)
+    every = checks.parts(name, step, "keep", keep, at_most=STEPS)
+    checks.parts("keep", keep, "mission", mission, at_most=STEPS)
+    parameters = craft.parameters(noise)
+    forces = craft.forces(np.arange(steps + 1) * step)
+    x0, P0 = scenario.prior(vehicle)
+    first = montecarlo.normals(scenario.seed, f"{vehicle} start", scenario.runs, (6,))
+    starts = x0 + first @ np.sqrt(P0)
+    generators = montecarlo.streams(scenario.seed, f"{vehicle} process", scenario.runs)
+    move = simulator()
+
+    def batch(chosen):
+        normal = np.array([generators[r].standard_normal((steps, 6)) for r in chosen])
+        return move(starts[chosen], normal, step, forces, parameters, every)
+
+    tracks = montecarlo.parallel_map(batch, batches(scenario.runs), label=f"{vehicle}, truth")
+    x = np.concatenate(tracks)
+    if not (np.abs(x) < LIMIT).all():
+        given = ", ".join(f"{vehicle}_{part}" for part in ("start", "variance", "noise"))
+        allowed = f"is too long for {given} times strong_noise or map_noise: the {vehicle} diverges"
+        raise checks.ParameterError(name, step, allowed)
+    return Truth(vehicle, parameters, np.arange(x.shape[1]) * keep, x)
+
+
+def batches(runs: int) -> list[list[int]]:
+    """Return run numbers in lists of fixed size."""
+    return [list(range(k, min(k + BATCH, runs))) for k in range(0, runs, BATCH)]
+
+
+def measure(scenario, truth, case) -> np.ndarray:
+    """Return the measurements of a case, (runs, samples - 1, 3)."""
+    runs, samples = truth.x.shape[:2]
+    shape = (samples - 1, 3)
+    purpose = f"{truth.vehicle} measurement"
+    noise = montecarlo.normals(scenario.seed, purpose, runs, shape)
+    return truth.x[:, 1:] @ case.H.T + np.sqrt(case.R) * noise
+
+
+# ---------------------------------------------------------------- filters
+
+
+def _joined(tracks):
+    return [np.concatenate([getattr(t, a) for t in tracks]) for a in ("mean", "P", "nis")]
+
+
+def estimate(scenario, truth, case, closure="gaussian", corrected=True) -> Track:
+    """Run a filter on every record of a case; not `corrected`: prediction only."""
+    z = measure(scenario, truth, case)
+    x0, P0 = scenario.prior(truth.vehicle)
+    propagate, interval = propagator(closure), truth.times[1]
+    forces = bodies.BODIES[truth.vehicle].forces
+    R = case.R * np.eye(3) if corrected else None
+
+    def batch(chosen):
+        return continuous_discrete.run(
+            propagate, x0, P0, z[chosen], interval, scenario.filter_step, R, case.H, forces,
+            truth.parameters, limit=LIMIT,
+        )  # fmt: skip
+
+    # Without corrections every run is the same: one stands for all.
+    chosen = batches(scenario.runs) if corrected else [[0]]
+    joined = _joined(montecarlo.parallel_map(batch, chosen))
+    if not corrected:
+        joined = [np.repeat(a, scenario.runs, axis=0) for a in joined]
+    return Track(*joined)
+
+
+def cloud(scenario, truth, case) -> Track:
+    """Run the bootstrap particle filter on the first runs."""
+    z = measure(scenario, truth, case)
+    x0, P0 = scenario.prior(truth.vehicle)
+    forces, move = bodies.BODIES[truth.vehicle].forces, simulator()
+    runs = min(scenario.particle_runs, scenario.runs)
+    generators = montecarlo.streams(scenario.seed, f"{truth.vehicle} particles", runs)
+
+    def one(r):
+        return continuous_discrete.particle_filter(
+            move, x0, P0, z[r : r + 1], truth.times[1], 2 * scenario.torpedo_step,
+            case.R * np.eye(3), case.H, generators[r : r + 1], scenario.particles, forces,
+            truth.parameters, limit=LIMIT,
+        )  # fmt: skip
+
+    return Track(*_joined(montecarlo.parallel_map(one, range(runs), label="particles")))
+
+
+# ---------------------------------------------------------------- all cases
+
+
+def run_case(scenario, truth, case) -> Result:
+    """Run all closures and the one-stage estimator on a case."""
+    tracks = {closure: estimate(scenario, truth, case, closure) for closure in moments.CLOSURES}
+    scored = {name: scores.score(truth, track) for name, track in tracks.items()}
+    free = estimate(scenario, truth, case, corrected=False)
+    scored["prediction only"] = scores.score(truth, free)
+    return Result(truth, case, tracks["gaussian"], scored)
+
+
+def run_all(scenario, strength: float = 1.0) -> dict[tuple[str, int], Result]:
+    """Return {(vehicle, case number): Result}; `strength` scales the angular noise."""
+    results = {}
+    for vehicle in VEHICLES:
+        truth = simulate(scenario, vehicle, scenario.noise(vehicle, strength))
+        for case in scenario.cases:
+            results[vehicle, case.number] = run_case(scenario, truth, case)
+    return results
+
+
+def open_loop_limit(scenario, truth, case, R: float) -> float:
+    """Return the largest difference between the filter with noise `R` and prediction only.
+
+    In units of the open-loop standard deviation: how near the limit R → ∞ is. NaN if a
+    filter diverged.
+    """
+    far = estimate(scenario, truth, attrs.evolve(case, R=R))
+    free = estimate(scenario, truth, case, corrected=False)
+    sd = np.sqrt(np.diagonal(free.P, axis1=2, axis2=3))
+    return float(np.abs((far.mean - free.mean) / sd).max())
