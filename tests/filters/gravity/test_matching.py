@@ -9,7 +9,7 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.stats import chi2
 
 from seanav.checks import ParameterError
-from seanav.filters import matching
+from seanav.filters.gravity import matching
 
 MGAL = 1e-5
 SPACING = 1000.0

@@ -13,8 +13,8 @@ from rasterio.warp import transform
 
 from seanav.checks import ParameterError
 from seanav.models import gravity
-from seanav.models.gravity_files import from_file
-from seanav.models.gravity_sources import load
+from seanav.models.gravity.files import from_file
+from seanav.models.gravity.sources import load
 
 HERE = (18.8, 128.0)
 NAMES = [("lat", "lon"), ("latitude", "longitude"), ("y", "x")]
@@ -501,7 +501,7 @@ def test_data_of_another_installation_are_not_used(tmp_path, name):
     }
     code = f"""
 import os, sys
-from seanav.models.gravity_files import from_file
+from seanav.models.gravity.files import from_file
 print(*(repr(from_file(path, *{HERE}).anomaly_mgal.sum()) for path in sys.argv[1:]))
 assert os.environ["{name}"] == "/nowhere"
 """

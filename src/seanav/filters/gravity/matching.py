@@ -15,7 +15,7 @@ import numpy as np
 
 from seanav._compile import kernel
 from seanav.checks import ParameterError, array, choice, covariance, integer, number
-from seanav.models.gravity import MOST_NODES, _bilinear, _nodes
+from seanav.models.gravity.map import MOST_NODES, _bilinear, _nodes
 
 
 class Tracks(NamedTuple):

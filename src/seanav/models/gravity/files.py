@@ -15,7 +15,8 @@ from rasterio.warp import transform
 from scipy.interpolate import RectBivariateSpline
 
 from seanav.checks import ParameterError, choice, integer, number
-from seanav.models.gravity import MGAL, MOST_NODES, GravityMap, square_nodes
+from seanav.models.gravity.map import MOST_NODES, GravityMap, square_nodes
+from seanav.models.units import MGAL
 
 # Free-air anomalies at sea stay within some hundred mGal, and 100 km of sea floor flatter
 # than a tenth of a milligal does not exist; values in m/s² taken for mGal are that flat.

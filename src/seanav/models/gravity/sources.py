@@ -4,9 +4,9 @@ import numpy as np
 from scipy import fft
 
 from seanav.checks import integer, number
-from seanav.models.geoid import from_geoid
-from seanav.models.gravity import MOST_NODES, GravityMap
-from seanav.models.gravity_files import from_file
+from seanav.models.gravity.files import from_file
+from seanav.models.gravity.geoid import from_geoid
+from seanav.models.gravity.map import MOST_NODES, GravityMap
 
 
 def synthetic(
@@ -104,7 +104,7 @@ def load(
     variable : str, optional
         Variable or band of a file that has several.
     unit : str
-        Unit of a file that states none, see `seanav.models.gravity_files.from_file`.
+        Unit of a file that states none, see `seanav.models.gravity.files.from_file`.
     correlation_length, standard_deviation_mgal, seed
         Of a synthetic map: see `synthetic`.
 

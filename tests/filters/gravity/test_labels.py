@@ -6,7 +6,7 @@ import pytest
 import walks
 
 from seanav.checks import ParameterError
-from seanav.filters import labels, planning
+from seanav.filters.gravity import labels, planning
 
 START, GOAL = (0, 1), (4, 3)  # (east, north)
 NOISES = [0.05, 0.001, 0.3]  # process noise
@@ -390,7 +390,7 @@ def test_search_stops_at_its_limit_of_expansions_and_says_so():
 def test_default_limits_keep_a_search_to_a_minute_and_its_store_below_half_a_gigabyte():
     code = """
 import walks
-from seanav.filters import labels
+from seanav.filters.gravity import labels
 this = walks.problem(walks.field(101, 101, 0), (2, 3), (97, 95), process_noise=1e-3)
 plan = labels.plan_labels(**this, epsilon=0.0)
 print(plan.stopped_by, plan.labels <= labels.MOST_LABELS)

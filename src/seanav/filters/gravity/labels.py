@@ -1,7 +1,7 @@
 """Path planning over the posterior Cramér-Rao bound with several labels per cell.
 
 The cost of going on depends on the covariance with which a cell is reached, so one label
-per cell (`seanav.filters.planning`) can throw the optimum away. Here a label (G, P) is
+per cell (`seanav.filters.gravity.planning`) can throw the optimum away. Here a label (G, P) is
 discarded only if another one at its cell has G₁ ≤ G₂ and P₁ ⪯ (1 + ε) P₂. The recursion
 is monotone in P, so with ε = 0 no better walk is ever lost; with ε > 0 the result is a
 better path, not an optimum.
@@ -28,7 +28,7 @@ import numpy as np
 
 from seanav import checks
 from seanav._compile import kernel
-from seanav.filters.planning import _refuse, _sound, _step, plan, problem
+from seanav.filters.gravity.planning import _refuse, _sound, _step, plan, problem
 
 # Eight directions 22.5° apart; directions m and m + 4 are an orthonormal pair.
 _EAST = np.cos(np.pi / 8 * np.arange(8))
@@ -332,7 +332,7 @@ def plan_labels(
     Parameters
     ----------
     gradient, spacing, start, goal, noise, P0, process_noise, speed
-        As for `seanav.filters.planning.plan`.
+        As for `seanav.filters.gravity.planning.plan`.
     epsilon : float
         Tolerance of the dominance between covariances. Zero is exact, but needs very many
         labels except on small grids.
