@@ -175,6 +175,17 @@ def test_methods_are_listed_with_medians_and_both_bounds_in_km():
     assert prior == ("case", "PCRB, prior", 1.8, None, None, None, None)
 
 
+def test_growth_of_the_noise_is_over_the_least_level_and_printed_where_the_paper_has_it():
+    known, held = ([score(one), score(two)] for one, two in ((1.0, 3.0), (2.0, 8.0)))
+    scenario = Scenario(noise_mgal=[2.5, 2.0])
+    rows = printed.noise_growth(scenario, 1, known, held)
+    assert rows == [(1, 2.0, 1.0, 1.0, 1.0), (1, 2.5, None, 3.0, 4.0)]
+    rows = printed.noise_growth(Scenario(noise_mgal=[1.5, 2.0]), 1, known, held)
+    assert [row[2] for row in rows] == [None, None]
+    rows = printed.noise_growth(Scenario(noise_mgal=[1.0, 2.0]), 1, known, held)
+    assert [row[2] for row in rows] == [1.0, 14.4 / 8.1]
+
+
 # Scores and the printed tables ----------------------------------------------------------------
 
 

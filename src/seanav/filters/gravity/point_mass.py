@@ -179,18 +179,7 @@ def _posterior(grid, spacing, truth, start, drift, noise, R, prior, a, b, cell):
 
 
 def point_mass(
-    anomaly,
-    spacing,
-    truth,
-    initial_error,
-    drift,
-    noise,
-    R,
-    P0,
-    Q,
-    *,
-    cell=100.0,
-    span_sigmas=4.5,
+    anomaly, spacing, truth, initial_error, drift, noise, R, P0, Q, *, cell=100.0, span_sigmas=4.5
 ):
     """Posterior mean and covariance of the position, for a batch of independent runs.
 

@@ -10,11 +10,7 @@ from seanav.models.gravity.map import MOST_NODES, GravityMap
 
 
 def synthetic(
-    seed=1,
-    correlation_length=14e3,
-    standard_deviation_mgal=14.0,
-    size=101,
-    spacing=1000.0,
+    seed=1, correlation_length=14e3, standard_deviation_mgal=14.0, size=101, spacing=1000.0
 ):
     """Stationary Gaussian random field with a Gaussian covariance.
 

@@ -217,7 +217,7 @@ def noise_growth(rows, held_mgal):
     tests = list(dict.fromkeys(row[0] for row in rows))
     fig, axes = plt.subplots(1, len(tests), figsize=(8.4, 3.6), sharey=True, squeeze=False)
     for ax, test in zip(axes[0], tests, strict=True):
-        mgal, *lines = np.array([row[1:] for row in rows if row[0] == test]).T
+        mgal, *lines = np.array([row[1:] for row in rows if row[0] == test], dtype=float).T
         names = ("printed", "noise known", f"{held_mgal:g} mGal held")
         for line, label, look in zip(lines, names, ("k-o", "k--s", "k:^"), strict=True):
             ax.plot(mgal, line, look, label=label)

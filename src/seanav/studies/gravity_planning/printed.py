@@ -101,19 +101,17 @@ def gain_growth(test, reading):
 
 
 def noise_growth(scenario, test, known, held):
-    """Return rows (test, mGal, printed, known, held): sums over those of the first row.
+    """Return rows (test, mGal, printed, known, held): sums over that at the least noise.
 
     `known` and `held` are the planned path's scores per noise level, with the filter knowing
-    the noise and holding on to the planning noise. Levels that the paper does not print have
-    no partner and are left out.
+    the noise and holding on to the planning noise. `printed` is None where the paper prints
+    no sum for the level, or none for the least one.
     """
-    printed = dict(zip(NOISE_MGAL, SUMS_KM[test]["Planned"], strict=True))
-    rows = [
-        (test, mgal, printed[mgal], one.total.value, other.total.value)
-        for mgal, one, other in zip(scenario.noise_mgal, known, held, strict=True)
-        if mgal in printed
-    ]
-    return [
-        (test, mgal, *(total / least for total, least in zip(totals, rows[0][2:], strict=True)))
-        for _, mgal, *totals in rows
-    ]
+    sums = dict(zip(NOISE_MGAL, SUMS_KM[test]["Planned"], strict=True))
+    least = sums.get(scenario.noise_mgal[0])
+    rows = []
+    for mgal, one, other in zip(scenario.noise_mgal, known, held, strict=True):
+        printed = sums[mgal] / least if least and mgal in sums else None
+        ours = one.total.value / known[0].total.value
+        rows.append((test, mgal, printed, ours, other.total.value / held[0].total.value))
+    return rows
