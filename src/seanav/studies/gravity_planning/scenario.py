@@ -58,7 +58,11 @@ class Scenario(Parameters):
         note="centre of the map, whose range is like the paper's",
     )
     map_longitude_deg: float = parameter(
-        128.0, Number(at_least=-180, at_most=360), unit="deg", origin="assumed"
+        128.0,
+        Number(at_least=-180, at_most=360),
+        unit="deg",
+        origin="assumed",
+        note="as the latitude",
     )
     map_variable: str = parameter(
         "", Text(), origin="ours", note="variable or band of your own grid, empty: the only one"
