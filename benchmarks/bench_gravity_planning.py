@@ -10,8 +10,9 @@ import resource
 import numpy as np
 from timing import best_of
 
-from seanav.filters import labels, matching
-from seanav.studies import gravity_planning as study
+from seanav.filters.gravity import labels, matching
+from seanav.studies.gravity_planning import run
+from seanav.studies.gravity_planning.scenario import Scenario
 
 
 def plain_astar(gradient, start, goal, sigma, P0, rate, spacing, speed):
@@ -56,24 +57,24 @@ def plain_sitan(chart, points, first, noise, R, P, steps):
 
 
 def main():
-    scenario = study.Scenario()
+    scenario = Scenario()
     chart, level = scenario.map(), scenario.planning_noise_mgal
-    problem = study.problem(scenario, chart, scenario.start_1, level)
-    plan = study.plan(scenario, chart, scenario.start_1, level)
-    path = study.plan_path(plan, chart, scenario.samples)
-    noise = study.draw(scenario)
-    inputs = study.filter_inputs(scenario, chart, noise, path, level)
+    problem = run.problem(scenario, chart, scenario.start_1, level)
+    plan = run.plan(scenario, chart, scenario.start_1, level)
+    path = run.plan_path(plan, chart, scenario.samples)
+    noise = run.draw(scenario)
+    inputs = run.filter_inputs(scenario, chart, noise, path, level)
     table = labels.gain_table(problem["gradient"])
     steps = scenario.runs * (scenario.samples - 1)
 
     rows = [
-        ("A*, whole grid", 20e-3, lambda: study.plan(scenario, chart, scenario.start_1, level), 5),
+        ("A*, whole grid", 20e-3, lambda: run.plan(scenario, chart, scenario.start_1, level), 5),
         ("1000 SITAN runs × 100 samples", 0.3, lambda: matching.sitan(*inputs), 5),
         ("table of the label heuristic", None, lambda: labels.gain_table(problem["gradient"]), 2),
         (
             f"multi-label plan, ε = {scenario.epsilon:g}",
             5.0,
-            lambda: study.plan_labels(
+            lambda: run.plan_labels(
                 scenario,
                 chart,
                 scenario.start_1,
@@ -87,7 +88,7 @@ def main():
         (
             "1000 point-mass runs × 100 samples",
             None,
-            lambda: study.run_all(scenario, chart, noise, {"": path}, [level], method="point mass"),
+            lambda: run.run_all(scenario, chart, noise, {"": path}, [level], method="point mass"),
             1,
         ),
     ]

@@ -3,10 +3,12 @@ import numpy as np
 import pytest
 
 from seanav.checks import ParameterError
-from seanav.models import geoid, gravity
-from seanav.models.geoid import NORMAL_GRAVITY_MGAL as GAMMA
-from seanav.models.geoid import from_geoid
-from seanav.models.gravity_sources import load, synthetic
+from seanav.models import gravity
+from seanav.models.gravity import geoid
+from seanav.models.gravity.geoid import NORMAL_GRAVITY_MGAL as GAMMA
+from seanav.models.gravity.geoid import from_geoid
+from seanav.models.gravity.sources import load, synthetic
+from seanav.models.units import MGAL
 
 EARTH = 6371e3
 # A window like that of the geoid: nodes 1′ apart north, 1.5′ apart east, 7° each way.
@@ -56,11 +58,11 @@ def test_anomaly_of_a_buried_point_mass():
     # plane Δg = −∂T/∂z − 2T/R. Their field has died away at the edges of the window.
     north, east = window()
     gm, shallow, deep = 6.674e-11 * 1e16, 12e3, 30e3
-    gamma = GAMMA * gravity.MGAL
+    gamma = GAMMA * MGAL
     r1, r2 = (np.sqrt(north**2 + east**2 + depth**2) for depth in (shallow, deep))
     potential = gm * (1 / r1 - 1 / r2)
     vertical = gm * (shallow / r1**3 - deep / r2**3)
-    expected = (vertical - 2 / EARTH * potential) / gravity.MGAL
+    expected = (vertical - 2 / EARTH * potential) / MGAL
     anomaly = geoid.anomaly_of_undulation(potential / gamma, NORTH_SPACING, EAST_SPACING)
     middle = np.hypot(north, east) < 70e3
     peak = expected.max()
@@ -162,7 +164,7 @@ def test_geoid_map_reaches_the_corners_of_the_coverage(corner):
 
 def test_values_are_rounded_to_a_millionth_of_a_milligal():
     for grid in (from_geoid(), synthetic()):
-        micro = grid.anomaly / gravity.MGAL * 1e6
+        micro = grid.anomaly / MGAL * 1e6
         assert np.abs(micro - np.round(micro)).max() < 1e-6
 
 
@@ -191,7 +193,7 @@ def test_synthetic_field_has_the_gradient_it_promises():
     samples = []
     for seed in range(300):
         grid = synthetic(seed, length, sigma, 61, spacing)
-        slope = gravity.gradient(grid)[:, 1:-1, 1:-1] / gravity.MGAL
+        slope = gravity.gradient(grid)[:, 1:-1, 1:-1] / MGAL
         samples.append((slope**2).mean(axis=(1, 2)))
     mean = np.mean(samples, axis=0)
     error = np.std(samples, axis=0, ddof=1) / np.sqrt(len(samples))

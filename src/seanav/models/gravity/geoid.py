@@ -7,7 +7,7 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.signal.windows import tukey
 
 from seanav.checks import ParameterError, integer, number
-from seanav.models.gravity import MOST_NODES, GravityMap, geodetic_to_local, square_nodes
+from seanav.models.gravity.map import MOST_NODES, GravityMap, geodetic_to_local, square_nodes
 
 NORMAL_GRAVITY_MGAL = 9.81e5
 MEAN_RADIUS = 6371e3  # m

@@ -1,12 +1,10 @@
 """What paper 5 prints, and our numbers beside it."""
 
-from pathlib import Path
-
 import numpy as np
 from scipy.stats import kendalltau
 
 from seanav import estimates
-from seanav.studies.gravity_planning import KM
+from seanav.models.units import KM
 
 # Sum of RMSE in km as printed, columns R = 1, 2, 3, 4 mGal (Tables 2 and 3).
 SUMS_KM = {
@@ -38,40 +36,6 @@ SUMS_KM = {
 }
 
 NOISE_MGAL = (1.0, 2.0, 3.0, 4.0)
-
-
-def origins(scenario):
-    """Return the parameters with unit and origin, rows for `Report.parameters`."""
-    text, assumed = "text", "assumed"
-    rows = {
-        "map_source": ("", assumed, "JPGEO2024 geoid; the paper names no region"),
-        "map_latitude_deg": ("deg", assumed, "range of the window like the paper's"),
-        "map_longitude_deg": ("deg", assumed, "as the latitude"),
-        "start_1": ("km", text, "section 4.1"),
-        "start_2": ("km", text, "section 4.1"),
-        "goal": ("km", text, "section 4.1"),
-        "fan_1_km": ("km", assumed, "number of curves: text"),
-        "fan_2_km": ("km", "derived", "5.5 km lateral distance: text"),
-        "noise_mgal": ("mGal", text, "Tables 2 and 3, read as standard deviation"),
-        "planning_noise_mgal": ("mGal", text, "4 mGal² of Table 1"),
-        "initial_std_km": ("km", text, "Table 1"),
-        "process_noise": ("m/√s", text, "Table 1, read literally"),
-        "speed": ("m/s", text, "Table 1"),
-        "samples": ("", text, "section 4.1"),
-        "runs": ("", text, "Table 1"),
-        "window_sigmas": ("", assumed, "the paper: set by the covariance"),
-        "seed": ("", assumed, "the first one tried"),
-    }
-    # A file by its name alone: results hold no path of a machine.
-    values = vars(scenario) | {"map_source": Path(scenario.map_source).name}
-    return [
-        (name, _plain(values[name]), unit, origin, note)
-        for name, (unit, origin, note) in rows.items()
-    ]
-
-
-def _plain(value):
-    return " ".join(f"{part:g}" for part in value) if isinstance(value, tuple) else value
 
 
 def table_1(scenario):
@@ -130,27 +94,24 @@ def rank_stability(test):
 
 
 def gain_growth(test, reading):
-    """Return `seanav.studies.gravity_scores.growth` of the printed table (m, or a log ratio)."""
+    """Return the growth of the gain as `scores.growth` does, of the printed table."""
     planned, direct = (np.array(SUMS_KM[test][name]) for name in ("Planned", "Direct"))
     gains = np.log(direct / planned) if reading == "relative" else (direct - planned) * KM
     return float(gains[-1] - gains[0])
 
 
 def noise_growth(scenario, test, known, held):
-    """Return rows (test, mGal, printed, known, held): sums relative to that at the least noise.
+    """Return rows (test, mGal, printed, known, held): sums over that at the least noise.
 
     `known` and `held` are the planned path's scores per noise level, with the filter knowing
-    the noise and holding on to the planning noise. Levels that the paper does not print have
-    no partner and are left out.
+    the noise and holding on to the planning noise. `printed` is None where the paper prints
+    no sum for the level, or none for the least one.
     """
-    printed = SUMS_KM[test]["Planned"]
-    return [
-        (test, mgal, printed[int(mgal) - 1] / printed[0], *ratios)
-        for mgal, *ratios in zip(
-            scenario.noise_mgal,
-            (one.total.value / known[0].total.value for one in known),
-            (one.total.value / held[0].total.value for one in held),
-            strict=True,
-        )
-        if mgal in NOISE_MGAL
-    ]
+    sums = dict(zip(NOISE_MGAL, SUMS_KM[test]["Planned"], strict=True))
+    least = sums.get(scenario.noise_mgal[0])
+    rows = []
+    for mgal, one, other in zip(scenario.noise_mgal, known, held, strict=True):
+        printed = sums[mgal] / least if least and mgal in sums else None
+        ours = one.total.value / known[0].total.value
+        rows.append((test, mgal, printed, ours, other.total.value / held[0].total.value))
+    return rows

@@ -15,7 +15,7 @@ import numpy as np
 
 from seanav._compile import kernel
 from seanav.checks import ParameterError, array, choice, covariance, integer, number
-from seanav.models.gravity import MOST_NODES, _bilinear, _nodes
+from seanav.models.gravity.map import MOST_NODES, _bilinear, _nodes
 
 
 class Tracks(NamedTuple):
@@ -219,10 +219,9 @@ def sitan(
     window_sigmas=1.0,
     largest_window=15,
 ):
-    """Correct the INS along a trajectory with SITAN, for a batch of independent runs.
+    """Correct the INS along a trajectory with SITAN, equations (33)–(37), in independent runs.
 
-    A run depends on nothing but its own rows of `initial_error`, `drift` and `noise`:
-    batches may be cut and spread over threads as one likes, to the last bit.
+    A run depends on its own rows only: batches may be cut as one likes, to the last bit.
 
     Parameters
     ----------
@@ -243,28 +242,20 @@ def sitan(
     P0, Q : array (2, 2)
         Covariance at sample 0, and of the drift from one sample to the next, m².
     gradient : {"block", "point"}
-        "block": plane fit around the node nearest to the estimate (SITAN). "point": slope
-        of the bilinear map at the estimate (extended Kalman filter).
-    window_sigmas : float
-        Half width of the block in largest standard deviations, to the nearest node.
-    largest_window : int
-        Upper limit of the half width, in nodes. The map's border shrinks it further.
+        Slope of a plane fitted around the nearest node (SITAN), or of the map (EKF).
+    window_sigmas, largest_window : float, int
+        Half width of the block in largest standard deviations, and its limit in nodes.
 
     Returns
     -------
     Tracks
-        Errors, covariances and normalised innovations; sample 0 is the start, and
-        every later sample is after its measurement.
+        Sample 0 is the start, every later one after its measurement.
 
     Raises
     ------
     ParameterError
-        A shape does not fit, a value is not finite, R ≤ 0, P0 not positive definite, … or
-        numbers of extreme size leave an error or a covariance that is not finite.
-
-    Notes
-    -----
-    Source: equations (33)–(37) of the paper; the Kalman filter of any textbook.
+        A shape does not fit, a value is not finite, R ≤ 0, P0 not positive definite, … or a
+        result would not be finite.
     """
     grid, inputs = checked(anomaly, spacing, truth, initial_error, drift, noise, R, P0, Q)
     choice("gradient", gradient, ["block", "point"])

@@ -4,7 +4,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from seanav.checks import ParameterError
 from seanav.models import gravity
-from seanav.models.gravity import GravityMap
+from seanav.models.gravity.map import GravityMap, _bilinear
 
 # Unequal sides, so that a swap of north and east cannot pass.
 NORTH, EAST, SPACING = 5, 8, 500.0
@@ -47,20 +47,18 @@ def test_interpolation_returns_the_nodes_themselves():
 
 def test_point_off_the_map_gets_the_value_of_the_border():
     grid = np.random.default_rng(3).normal(size=(NORTH, EAST))
-    assert gravity._bilinear(grid, SPACING, -1e9, 700.0) == gravity._bilinear(
-        grid, SPACING, 0.0, 700.0
-    )
-    assert gravity._bilinear(grid, SPACING, 1e9, 1e9) == grid[-1, -1]
-    assert gravity._bilinear(grid, SPACING, 1e9, -1.0) == grid[0, -1]
-    assert gravity._bilinear(grid, SPACING, 0.0, np.inf) == grid[-1, 0]
+    assert _bilinear(grid, SPACING, -1e9, 700.0) == _bilinear(grid, SPACING, 0.0, 700.0)
+    assert _bilinear(grid, SPACING, 1e9, 1e9) == grid[-1, -1]
+    assert _bilinear(grid, SPACING, 1e9, -1.0) == grid[0, -1]
+    assert _bilinear(grid, SPACING, 0.0, np.inf) == grid[-1, 0]
 
 
 def test_a_point_that_is_not_a_number_has_no_value():
     grid = np.zeros((NORTH, EAST))
-    assert np.isnan(gravity._bilinear(grid, SPACING, np.nan, 0.0))
-    assert np.isnan(gravity._bilinear(grid, SPACING, 0.0, np.nan))
+    assert np.isnan(_bilinear(grid, SPACING, np.nan, 0.0))
+    assert np.isnan(_bilinear(grid, SPACING, 0.0, np.nan))
     # uncompiled too, where an index made of it would be an error instead of a stray read
-    assert np.isnan(gravity._bilinear.py_func(grid, SPACING, np.nan, 0.0))
+    assert np.isnan(_bilinear.py_func(grid, SPACING, np.nan, 0.0))
 
 
 def test_gradient_is_exact_on_a_quadratic_surface_including_its_border():

@@ -11,8 +11,8 @@ import numpy as np
 
 from seanav._compile import kernel
 from seanav.checks import ParameterError, number
-from seanav.filters.matching import _demand_finite, checked
-from seanav.models.gravity import _bilinear
+from seanav.filters.gravity.matching import _demand_finite, checked
+from seanav.models.gravity.map import _bilinear
 
 # A weight below this fraction of the largest is set to zero. It spares most of the work,
 # and what is lost is far below the effect of the cells' width.
@@ -179,18 +179,7 @@ def _posterior(grid, spacing, truth, start, drift, noise, R, prior, a, b, cell):
 
 
 def point_mass(
-    anomaly,
-    spacing,
-    truth,
-    initial_error,
-    drift,
-    noise,
-    R,
-    P0,
-    Q,
-    *,
-    cell=100.0,
-    span_sigmas=4.5,
+    anomaly, spacing, truth, initial_error, drift, noise, R, P0, Q, *, cell=100.0, span_sigmas=4.5
 ):
     """Posterior mean and covariance of the position, for a batch of independent runs.
 
@@ -202,7 +191,7 @@ def point_mass(
     Parameters
     ----------
     anomaly, spacing, truth, initial_error, drift, noise, R, P0, Q
-        As in `seanav.filters.matching.sitan`; Q diagonal and at most `cell`² on each axis.
+        As in `seanav.filters.gravity.matching.sitan`; Q diagonal and at most `cell`² on each axis.
     cell : float
         Width of a cell, m. As a rule no wider than the smallest standard deviation of
         the posterior; halve it to see what it does.
@@ -219,7 +208,7 @@ def point_mass(
     Raises
     ------
     ParameterError
-        As in `seanav.filters.matching.sitan`; Q not diagonal or above `cell`²; more than
+        As in `seanav.filters.gravity.matching.sitan`; Q not diagonal or above `cell`²; more than
         four million cells.
 
     Notes

@@ -4,17 +4,13 @@ import numpy as np
 from scipy import fft
 
 from seanav.checks import integer, number
-from seanav.models.geoid import from_geoid
-from seanav.models.gravity import MOST_NODES, GravityMap
-from seanav.models.gravity_files import from_file
+from seanav.models.gravity.files import from_file
+from seanav.models.gravity.geoid import from_geoid
+from seanav.models.gravity.map import MOST_NODES, GravityMap
 
 
 def synthetic(
-    seed=1,
-    correlation_length=14e3,
-    standard_deviation_mgal=14.0,
-    size=101,
-    spacing=1000.0,
+    seed=1, correlation_length=14e3, standard_deviation_mgal=14.0, size=101, spacing=1000.0
 ):
     """Stationary Gaussian random field with a Gaussian covariance.
 
@@ -104,7 +100,7 @@ def load(
     variable : str, optional
         Variable or band of a file that has several.
     unit : str
-        Unit of a file that states none, see `seanav.models.gravity_files.from_file`.
+        Unit of a file that states none, see `seanav.models.gravity.files.from_file`.
     correlation_length, standard_deviation_mgal, seed
         Of a synthetic map: see `synthetic`.
 

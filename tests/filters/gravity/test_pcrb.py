@@ -7,7 +7,7 @@ from hypothesis import given, reject
 from hypothesis import strategies as st
 
 from seanav.checks import ParameterError
-from seanav.filters import pcrb
+from seanav.filters.gravity import pcrb
 
 NOISE = 0.7
 P0 = np.array([[4.0, 1.5], [1.5, 2.0]])

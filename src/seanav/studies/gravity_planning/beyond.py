@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from seanav import estimates, montecarlo
-from seanav.filters import labels
-from seanav.models import gravity, gravity_sources
-from seanav.studies import gravity_planning as study
-from seanav.studies import gravity_scores
+from seanav.filters.gravity import labels
+from seanav.models import gravity
+from seanav.models.gravity import sources
+from seanav.models.units import KM
+from seanav.studies.gravity_planning import paths, run
+from seanav.studies.gravity_planning.scores import exp
 
 FAN_KM = (27.5, 22.0, 16.5, 11.0, 5.5, -5.5, -11.0, -16.5, -22.0, -27.5)
 SECOND_WINDOW_DEG = (30.0, 155.0)  # open Pacific inside the geoid's coverage
@@ -21,8 +23,8 @@ def maps(scenario, chart):
     latitude, longitude = SECOND_WINDOW_DEG
     return {
         "first map": chart,
-        "second map": gravity_sources.load("geoid", latitude_deg=latitude, longitude_deg=longitude),
-        "synthetic": gravity_sources.load("synthetic", seed=scenario.seed),
+        "second map": sources.load("geoid", latitude_deg=latitude, longitude_deg=longitude),
+        "synthetic": sources.load("synthetic", seed=scenario.seed),
     }
 
 
@@ -53,20 +55,20 @@ def bounds(scenario, chart, pair, noise_mgal):
     """Plan one pair with A* and return its `Bounds`."""
 
     def total(points):
-        return study.root_trace(study.bound(scenario, chart, points, noise_mgal)).sum()
+        return run.root_trace(run.bound(scenario, chart, points, noise_mgal)).sum()
 
     start, goal = pair
-    paths, dropped = study.fan(chart, start, goal, FAN_KM, scenario.samples)
-    planned = study.plan_path(
-        study.plan(scenario, chart, start, noise_mgal, goal), chart, scenario.samples
+    curves, dropped = paths.fan(chart, start, goal, FAN_KM, scenario.samples)
+    planned = run.plan_path(
+        run.plan(scenario, chart, start, noise_mgal, goal), chart, scenario.samples
     )
-    direct = paths.pop("Direct")
+    direct = curves.pop("Direct")
     return Bounds(
         total(planned),
         total(direct),
-        min((total(points) for points in paths.values()), default=np.inf),
+        min((total(points) for points in curves.values()), default=np.inf),
         dropped,
-        study.length(planned) / study.length(direct),
+        paths.length(planned) / paths.length(direct),
     )
 
 
@@ -83,27 +85,27 @@ class Comparison:
 def compare(scenario, chart, noise, pair, table):
     """Plan one pair both ways and run SITAN on both plans, the best bow and the direct path.
 
-    `table` is the map's `seanav.filters.labels.gain_table`.
+    `table` is the map's `seanav.filters.gravity.labels.gain_table`.
     """
     start, goal = pair
     level = scenario.planning_noise_mgal
-    one = study.plan(scenario, chart, start, level, goal)
-    many = study.plan_labels(
+    one = run.plan(scenario, chart, start, level, goal)
+    many = run.plan_labels(
         scenario, chart, start, level, goal, epsilon=scenario.epsilon, incumbent=one, table=table
     )
-    curves, dropped = study.fan(chart, start, goal, FAN_KM, scenario.samples)
-    paths = {
-        "Planned": study.plan_path(one, chart, scenario.samples),
-        "Labels": study.plan_path(many, chart, scenario.samples),
+    curves, dropped = paths.fan(chart, start, goal, FAN_KM, scenario.samples)
+    compared = {
+        "Planned": run.plan_path(one, chart, scenario.samples),
+        "Labels": run.plan_path(many, chart, scenario.samples),
         "Direct": curves.pop("Direct"),
     }
     if curves:
-        paths["Fan"] = min(
+        compared["Fan"] = min(
             curves.values(),
-            key=lambda points: study.root_trace(study.bound(scenario, chart, points, level)).sum(),
+            key=lambda points: run.root_trace(run.bound(scenario, chart, points, level)).sum(),
         )
     scores = {
-        name: study.run(scenario, chart, noise, points, level) for name, points in paths.items()
+        name: run.run(scenario, chart, noise, points, level) for name, points in compared.items()
     }
     return Comparison(one.cost, many.cost, scores, dropped)
 
@@ -180,7 +182,7 @@ def cost_table(grouped):
             np.log(one.scores["Planned"].total.value / one.scores["Labels"].total.value)
             for one in results
         ]
-        gain = gravity_scores.exp(estimates.mean(logs))
+        gain = exp(estimates.mean(logs))
         rows.append((name, np.median(costs), max(costs), gain.value, gain.low, gain.high))
     return rows
 
@@ -222,14 +224,12 @@ def methods(scenario, chart, noise, cases):
     done = {}
     for name, points in cases.items():
         scores = {
-            method: study.run_all(scenario, chart, noise, {"": points}, [mgal], method=method)[""][
-                0
-            ]
+            method: run.run_all(scenario, chart, noise, {"": points}, [mgal], method=method)[""][0]
             for method in ("sitan", "ekf", "point mass")
         }
         at_truth = scores["sitan"].bound
-        expected = study.root_trace(study.expected_bound(scenario, chart, points, mgal))
-        done[name] = Case(scores, at_truth, expected, study.length(points))
+        expected = run.root_trace(run.expected_bound(scenario, chart, points, mgal))
+        done[name] = Case(scores, at_truth, expected, paths.length(points))
     return done
 
 
@@ -238,9 +238,9 @@ def method_table(cases):
     rows = []
     for name, case in cases.items():
         for method, one in case.scores.items():
-            total = [x / study.KM for x in (one.total.value, one.total.low, one.total.high)]
-            median = np.sqrt(np.median(one.squared, axis=0)).sum() / study.KM
+            total = [x / KM for x in (one.total.value, one.total.low, one.total.high)]
+            median = np.sqrt(np.median(one.squared, axis=0)).sum() / KM
             rows.append((name, method, *total, median, one.diverged))
         for label, limit in (("PCRB, truth", case.at_truth), ("PCRB, prior", case.expected)):
-            rows.append((name, label, limit.sum() / study.KM, None, None, None, None))
+            rows.append((name, label, limit.sum() / KM, None, None, None, None))
     return rows

@@ -15,7 +15,8 @@ from rasterio.warp import transform
 from scipy.interpolate import RectBivariateSpline
 
 from seanav.checks import ParameterError, choice, integer, number
-from seanav.models.gravity import MGAL, MOST_NODES, GravityMap, square_nodes
+from seanav.models.gravity.map import MOST_NODES, GravityMap, square_nodes
+from seanav.models.units import MGAL
 
 # Free-air anomalies at sea stay within some hundred mGal, and 100 km of sea floor flatter
 # than a tenth of a milligal does not exist; values in m/s² taken for mGal are that flat.
@@ -315,9 +316,8 @@ def from_file(
     Raises
     ------
     ParameterError
-        If the file is missing or not such a grid, holds several grids, does not cover the
-        window or has no value somewhere in it, or is not in a unit of gravity, or states
-        another one than `unit`.
+        If the file is missing or not such a grid, holds several, does not cover the window
+        without a hole, or is not in a unit of gravity, or in another one than `unit`.
     """
     latitude_deg = number("map_latitude_deg", latitude_deg, at_least=-80, at_most=80)
     longitude_deg = number("map_longitude_deg", longitude_deg, at_least=-180, at_most=360)

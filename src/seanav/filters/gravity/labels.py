@@ -1,7 +1,7 @@
 """Path planning over the posterior Cramér-Rao bound with several labels per cell.
 
 The cost of going on depends on the covariance with which a cell is reached, so one label
-per cell (`seanav.filters.planning`) can throw the optimum away. Here a label (G, P) is
+per cell (`seanav.filters.gravity.planning`) can throw the optimum away. Here a label (G, P) is
 discarded only if another one at its cell has G₁ ≤ G₂ and P₁ ⪯ (1 + ε) P₂. The recursion
 is monotone in P, so with ε = 0 no better walk is ever lost; with ε > 0 the result is a
 better path, not an optimum.
@@ -28,7 +28,7 @@ import numpy as np
 
 from seanav import checks
 from seanav._compile import kernel
-from seanav.filters.planning import _refuse, _sound, _step, plan, problem
+from seanav.filters.gravity.planning import _refuse, _sound, _step, plan, problem
 
 # Eight directions 22.5° apart; directions m and m + 4 are an orthonormal pair.
 _EAST = np.cos(np.pi / 8 * np.arange(8))
@@ -181,6 +181,53 @@ def _doubled(array):
 
 
 @kernel
+def _limit(expanded, count, compared, limits):
+    # Which of `_LIMITS` is reached; an expansion makes eight labels at most.
+    if expanded >= limits[0]:
+        return 1
+    if count + 8 > limits[1]:
+        return 2
+    return 3 if compared >= limits[2] else 0
+
+
+@kernel
+def _place(state, link, first, new, factor):
+    # Where a label belongs in its cell's list: between which two, whether it is dominated,
+    # and how many were compared for that.
+    before, after, compared = -1, first, 0
+    while after >= 0 and state[after, 3] <= new[3]:
+        compared += 1
+        if _below(state[after], new, factor):
+            return before, after, True, compared
+        before, after = after, link[after, 2]
+    return before, after, False, compared
+
+
+@kernel
+def _drop_dominated(state, link, dropped, label, factor):
+    # Take from a cell's list what comes after a label and is dominated by it.
+    before, after, compared = label, link[label, 2], 0
+    while after >= 0:
+        compared += 1
+        if _below(state[label], state[after], factor):
+            dropped[after] = True
+            link[before, 2] = link[after, 2]
+        else:
+            before = after
+        after = link[after, 2]
+    return compared
+
+
+@kernel
+def _cells_to(link, label):
+    # The cells from the start to a label; none for label −1.
+    path = [label]
+    while path[-1] >= 0:
+        path.append(link[path[-1], 1])
+    return np.array([link[label, 0] for label in path[-2::-1]])
+
+
+@kernel
 def _search(gradient, table, start, goal, R, P0, q, factor, cost, limits):
     # Labels are rows of `state` (ee, en, nn, G) and `link` (cell, parent, next). The labels
     # of a cell are a list linked by `next`, sorted by G. Ties in F go to the older label.
@@ -204,12 +251,7 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, limits):
     if not at_start < np.inf:
         return none, cost, cost, at_start, _UNSOUND, expanded, count, compared
     while len(heap) > 0 and heap[0][0] < cost:
-        if expanded >= limits[0]:
-            reason = 1
-        elif count + 8 > limits[1]:
-            reason = 2
-        elif compared >= limits[2]:
-            reason = 3
+        reason = _limit(expanded, count, compared, limits)
         if reason != 0:
             break
         label = heapq.heappop(heap)[1]
@@ -235,13 +277,8 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, limits):
                     continue
                 new[0], new[1], new[2], new[3] = ee, en, nn, G
                 other = ni * east + nj
-
-                before, after = -1, head[other]
-                dominated = False
-                while after >= 0 and state[after, 3] <= G and not dominated:
-                    compared += 1
-                    dominated = _below(state[after], new, factor)
-                    before, after = after, link[after, 2]
+                before, after, dominated, more = _place(state, link, head[other], new, factor)
+                compared += more
                 if dominated:
                     continue
                 distance = max(abs(ni - goal_i), abs(nj - goal_j))
@@ -250,7 +287,6 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, limits):
                     return none, cost, cost, at_start, _UNSOUND, expanded, count, compared
                 if cost <= F:
                     continue
-
                 if count == len(state):
                     state, link, dropped = _doubled(state), _doubled(link), _doubled(dropped)
                 state[count] = new
@@ -260,15 +296,7 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, limits):
                     head[other] = count
                 else:
                     link[before, 2] = count
-                before = count
-                while after >= 0:
-                    compared += 1
-                    if _below(new, state[after], factor):
-                        dropped[after] = True
-                        link[before, 2] = link[after, 2]
-                    else:
-                        before = after
-                    after = link[after, 2]
+                compared += _drop_dominated(state, link, dropped, count, factor)
                 if other == goal:
                     cost, arrived = G, count
                 else:
@@ -279,11 +307,7 @@ def _search(gradient, table, start, goal, R, P0, q, factor, cost, limits):
     lowest = min(heap[0][0], cost) if len(heap) > 0 else cost
     if not lowest < cost:
         reason = 0  # nothing below the cost is open: the end, and not a limit
-    path = [arrived]
-    while path[-1] >= 0:
-        path.append(link[path[-1], 1])
-    cells = np.array([link[label, 0] for label in path[-2::-1]])
-    return cells, cost, lowest, at_start, reason, expanded, count, compared
+    return _cells_to(link, arrived), cost, lowest, at_start, reason, expanded, count, compared
 
 
 def _known_path(task, incumbent):
@@ -332,40 +356,33 @@ def plan_labels(
     Parameters
     ----------
     gradient, spacing, start, goal, noise, P0, process_noise, speed
-        As for `seanav.filters.planning.plan`.
+        As for `seanav.filters.gravity.planning.plan`.
     epsilon : float
-        Tolerance of the dominance between covariances. Zero is exact, but needs very many
-        labels except on small grids.
+        Tolerance of the dominance between covariances; zero is exact, for small grids.
     max_expansions, max_comparisons : int
-        Labels to expand and pairs of labels to compare at most; then the search stops, as
-        it does at `MOST_LABELS` labels. The time of a search goes with the comparisons, some
-        ten million in a second; the last expansion may pass their limit.
+        Labels to expand and pairs of labels to compare at most, some ten million in a second;
+        then the search stops, as it does at `MOST_LABELS` labels.
     incumbent : Plan or LabelPlan, optional
-        A path that is known already (default: the A* plan). Labels that cannot become
-        cheaper are discarded, and it is returned if nothing cheaper is found.
+        A path that is known already (default: the A* plan); returned if none is cheaper.
     table : ndarray, optional
         ``gain_table(gradient)``, if it has been computed already.
 
     Returns
     -------
     LabelPlan
-        With ``epsilon = 0`` its lower bound is that of the search when it ended (the cost
-        itself if `complete`), else the one at the start.
+        With ``epsilon = 0`` its lower bound is that at the end of the search, else at the start.
 
     Raises
     ------
     ParameterError
-        As `plan` and `gain_table`, and if `epsilon` is negative, a limit is below one,
-        `incumbent` does not lead from start to goal, or `table` does not fit the map.
+        As `plan` and `gain_table`, and if an option is not usable or does not fit.
     """
     inputs = (gradient, spacing, start, goal, noise, P0, process_noise, speed)
     task = problem(*inputs)
     epsilon = checks.number("epsilon", epsilon, at_least=0)
-    limits = (
-        checks.integer("max_expansions", max_expansions, at_least=1, at_most=10**15),
-        MOST_LABELS,
-        checks.integer("max_comparisons", max_comparisons, at_least=1, at_most=10**15),
-    )
+    expansions = checks.integer("max_expansions", max_expansions, at_least=1, at_most=10**15)
+    comparisons = checks.integer("max_comparisons", max_comparisons, at_least=1, at_most=10**15)
+    limits = expansions, MOST_LABELS, comparisons
     table = gain_table(task.gradient) if table is None else _known_table(task, table)
     nodes = _known_path(task, plan(*inputs) if incumbent is None else incumbent)
     known = float(np.trace(task.bound(nodes)[1:], axis1=1, axis2=2).sum())
@@ -375,7 +392,6 @@ def plan_labels(
     )
     if reason == _UNSOUND:
         _refuse(noise, P0, process_noise, speed)
-    if len(cells) > 0:
-        nodes = task.nodes(cells)
+    nodes = task.nodes(cells) if len(cells) > 0 else nodes
     lower = lowest if epsilon == 0 else min(at_start, cost)
     return LabelPlan(nodes, task.bound(nodes), cost, lower, _LIMITS[reason], *counts)

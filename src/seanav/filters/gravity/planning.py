@@ -2,7 +2,7 @@
 
 Each cell of the grid keeps one label: the cost and the covariance of the cheapest path
 found to it so far. Both depend on the path, so the result is not guaranteed to be the
-optimum; `seanav.filters.labels` keeps several labels per cell.
+optimum; `seanav.filters.gravity.labels` keeps several labels per cell.
 """
 
 import heapq
@@ -12,7 +12,7 @@ import numpy as np
 
 from seanav import checks
 from seanav._compile import kernel
-from seanav.filters.pcrb import _update, deviation, pcrb
+from seanav.filters.gravity.pcrb import _update, deviation, pcrb
 
 
 @dataclass(frozen=True)

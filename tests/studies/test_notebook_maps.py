@@ -19,7 +19,7 @@ from seanav import runner
 from seanav.checks import ParameterError
 from seanav.runner import Refused
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+CHECKOUT = Path(__file__).resolve().parents[2]
 STEM = "5_gravity_planning"
 HERE = (-31.2, -120.5)  # far from the default window; 239.5° east for files that count to 360°
 SMALL = (
@@ -142,7 +142,7 @@ def test_strict_run_with_a_grid_file(root):
     [
         ("map_source=none.nc", "map_source = 'none.nc': "),
         ("goal=[101, 9]", "goal = [101, 9]: must lie on the map"),
-        ("start_1=[65, 9]", "start_1 = (65, 9): must differ from goal"),
+        ("start_1=[65, 9]", "start_1 = [65, 9]: must differ from goal"),
         ("noise_mgal=[0.0, 2.0]", "noise_mgal = 0.0: must be a finite number above 0"),
         ("user_path_km=[[1, 1], [200, 3]]", "user_path_km = "),
         ("epsilon=-1", "epsilon = -1.0: must be a finite number at least 0"),

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.patches import Circle
 
-from seanav.studies.gravity_planning import KM, MGAL
+from seanav.models.units import KM, MGAL
 
 MARKERS = "osv^<>DPXd*"
 
@@ -147,7 +147,7 @@ def sums(scores, level):
 
 
 def shares(rows):
-    """Draw the share of pairs won per map and noise; rows of `gravity_pairs.share_table`."""
+    """Draw the share of pairs won per map and noise; rows of `beyond.share_table`."""
     fig, ax = plt.subplots(figsize=(6.6, 3.8))
     for index, name in enumerate(dict.fromkeys(row[0] for row in rows)):
         mgal, share, low, high = np.array([row[1:5] for row in rows if row[0] == name]).T
@@ -212,16 +212,16 @@ def methods(cases):
     return fig
 
 
-def noise_growth(rows):
-    """Draw how the sum of RMSE grows with the noise; rows of `gravity_printed.noise_growth`."""
+def noise_growth(rows, held_mgal):
+    """Draw how the sum of RMSE grows with the noise; rows of `printed.noise_growth`."""
     tests = list(dict.fromkeys(row[0] for row in rows))
     fig, axes = plt.subplots(1, len(tests), figsize=(8.4, 3.6), sharey=True, squeeze=False)
     for ax, test in zip(axes[0], tests, strict=True):
-        mgal, *lines = np.array([row[1:] for row in rows if row[0] == test]).T
-        looks = (("printed", "k-o"), ("noise known", "k--s"), ("2 mGal held", "k:^"))
-        for line, (label, look) in zip(lines, looks, strict=True):
+        mgal, *lines = np.array([row[1:] for row in rows if row[0] == test], dtype=float).T
+        names = ("printed", "noise known", f"{held_mgal:g} mGal held")
+        for line, label, look in zip(lines, names, ("k-o", "k--s", "k:^"), strict=True):
             ax.plot(mgal, line, look, label=label)
         ax.set(title=f"test {test}", xlabel="noise (mGal)")
-    axes[0, 0].set_ylabel("sum of RMSE over that at 1 mGal")
+    axes[0, 0].set_ylabel(f"sum of RMSE over that at {rows[0][1]:g} mGal")
     axes[0, 0].legend(frameon=False)
     return fig

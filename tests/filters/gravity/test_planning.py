@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seanav.checks import ParameterError
-from seanav.filters import planning
+from seanav.filters.gravity import planning
 
 START, GOAL = (1, 4), (6, 0)  # (east, north) on a map of 5 rows and 8 columns
 
@@ -147,7 +147,7 @@ def test_search_ends_with_a_positive_cost_or_one_line(changes):
     code = f"""
 import numpy as np, walks
 from seanav.checks import ParameterError
-from seanav.filters import planning
+from seanav.filters.gravity import planning
 this = walks.problem(walks.field(5, 8, 0), {START}, {GOAL}) | dict({changes})
 try:
     plan = planning.plan(**this)

@@ -1,4 +1,4 @@
-"""Scores of paper 5: what a Monte-Carlo run gave, and paired comparisons of two of them."""
+"""Paper 5's scores: what a Monte-Carlo run gave, and paired comparisons of two of them."""
 
 from dataclasses import dataclass
 
@@ -8,8 +8,7 @@ from scipy.stats import kendalltau, spearmanr
 
 from seanav import estimates, montecarlo
 from seanav.models import gravity
-
-KM = 1e3  # m
+from seanav.models.units import KM, MGAL
 
 
 @dataclass(frozen=True)
@@ -158,7 +157,7 @@ def contour_density(chart, levels=16, block=10):
     Drawn contours are measured line by line, so that "denser contours" is the paper's
     picture and not the gradient by another name. Lengths in m, gradients in s⁻².
     """
-    field = chart.anomaly / gravity.MGAL
+    field = chart.anomaly / MGAL
     cells = (np.array(field.shape) - 1) // block
     lengths = np.zeros(cells)
     lines = contour_generator(z=field)

@@ -8,8 +8,8 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import convolve1d
 
 from seanav.checks import ParameterError
-from seanav.filters import matching
-from seanav.filters.point_mass import point_mass
+from seanav.filters.gravity import matching
+from seanav.filters.gravity.point_mass import point_mass
 
 MGAL = 1e-5
 SPACING = 1000.0

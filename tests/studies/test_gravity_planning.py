@@ -6,8 +6,8 @@ from scipy import stats
 
 from seanav import checks, montecarlo
 from seanav.models import gravity
-from seanav.studies import gravity_pairs, gravity_printed, gravity_scores
-from seanav.studies import gravity_planning as study
+from seanav.studies.gravity_planning import beyond, paths, printed, run, scores
+from seanav.studies.gravity_planning.scenario import Scenario
 
 
 @pytest.fixture(scope="module")
@@ -23,27 +23,31 @@ def chart():
         ("runs", -1, "integer of at least 2"),
         ("runs", 2.5, "integer of at least 2"),
         ("noise_mgal", [1, 0], "above 0"),
-        ("noise_mgal", [], "at least one value"),
-        ("noise_mgal", "12", "list of standard deviations"),
-        ("planning_noise_mgal", -2.0, "one of 1.0, 2.0, 3.0, 4.0"),
+        ("noise_mgal", [], "a list of 1 to 64 values"),
+        ("noise_mgal", [2.0, 2.0], "every value once"),
+        ("noise_mgal", "12", "a list of 1 to 64 values"),
+        ("planning_noise_mgal", 2.5, "one of 1.0, 2.0, 3.0, 4.0"),
         ("epsilon", -0.1, "at least 0"),
-        ("goal", [65], "two whole numbers"),
+        ("goal", [65], "a list of 2 values"),
         ("start_1", [65, 9], "must differ from goal"),
         ("start_2", [30.5, 58], "integer of at least 0"),
         ("label_pairs", 61, "at most 60"),
         ("speed", 0.0, "above 0"),
-        ("map_latitude_deg", 95.0, "at most 90"),
+        ("map_latitude_deg", 95.0, "at most 80"),
+        ("map_unit", "m", "one of 'file', 'mGal'"),
+        ("map_source", 7, "must be text"),
+        ("runs", 50_000, "at most 40000 for 100 samples"),
     ],
 )
 def test_scenario_names_what_is_wrong(name, value, allowed):
     with pytest.raises(checks.ParameterError, match=allowed) as error:
-        study.Scenario(**{name: value})
+        Scenario(**{name: value})
     assert str(error.value).startswith(f"{name} = ")
     assert "\n" not in str(error.value)
 
 
 def test_start_off_the_map_is_refused_before_any_work():
-    scenario = study.Scenario(map_source="synthetic", start_1=(101, 5))
+    scenario = Scenario(map_source="synthetic", start_1=(101, 5))
     with pytest.raises(checks.ParameterError, match=r"start_1 = \[101, 5\]: must lie on the map"):
         scenario.map()
 
@@ -52,24 +56,25 @@ def test_start_off_the_map_is_refused_before_any_work():
     ("path", "allowed"),
     [
         ([[1, 2]], "two or more"),
-        ([[1, 2], [3]], "two or more"),
-        ([[1, 2], [3, float("nan")]], "two or more"),
+        ([[1, 2], [3]], "a list of 2 values"),
+        ([[1, 2], [3, float("nan")]], "finite number"),
+        ([[1, 2], [1, 2]], "from one place to another"),
         ([[1, 2], [81, 3]], "stay on the map, 0 … 80 by 0 … 60 km"),
     ],
 )
 def test_user_path_is_checked(chart, path, allowed):
     with pytest.raises(checks.ParameterError, match=allowed):
-        study.Scenario(user_path_km=path).user_path(chart)
+        Scenario(user_path_km=path).user_path(chart)
 
 
 def test_user_path_is_resampled(chart):
-    points = study.Scenario(user_path_km=[[10, 10], [20, 10], [20, 30]]).user_path(chart)
+    points = Scenario(user_path_km=[[10, 10], [20, 10], [20, 30]]).user_path(chart)
     assert points.shape == (100, 2)
     np.testing.assert_allclose(points[[0, -1]], [[10e3, 10e3], [20e3, 30e3]])
 
 
 def test_quick_keeps_a_tenth_of_the_runs():
-    scenario = study.Scenario()
+    scenario = Scenario()
     quick = scenario.quick()
     assert quick.runs >= scenario.runs / 10
     assert quick.pairs >= scenario.pairs / 10
@@ -78,47 +83,47 @@ def test_quick_keeps_a_tenth_of_the_runs():
 
 
 def test_samples_are_equidistant_on_a_corner():
-    points = study.resample(np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 5.0]]), 9)
+    points = paths.resample(np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 5.0]]), 9)
     np.testing.assert_allclose(points[:, 0] + points[:, 1], np.linspace(0, 8, 9), atol=1e-12)
-    assert study.length(points) == pytest.approx(8.0)
+    assert paths.length(points) == pytest.approx(8.0)
 
 
 @pytest.mark.parametrize("goal", [(40e3, 10e3), (10e3, 50e3), (60e3, 45e3), (20e3, 38e3)])
 def test_positive_bow_lies_left_on_the_map(goal):
     start = np.array([40e3, 40e3])
-    middle = study.bow(start, goal, 5e3, 101)[50] - (start + goal) / 2
+    middle = paths.bow(start, goal, 5e3, 101)[50] - (start + goal) / 2
     assert np.hypot(*middle) == pytest.approx(5e3, rel=1e-5)
     assert middle @ (np.asarray(goal) - start) == pytest.approx(0, abs=1)
     assert middle[0] < 0
 
 
 def test_bow_of_a_path_due_east_lies_north():
-    assert study.bow((0, 0), (10e3, 0), 1e3, 11)[5, 1] == pytest.approx(1e3)
+    assert paths.bow((0, 0), (10e3, 0), 1e3, 11)[5, 1] == pytest.approx(1e3)
 
 
 def test_bow_length_is_that_of_a_sine_arc():
     share = np.linspace(0, 1, 200_001)
     slope = 6e3 * np.pi * np.cos(np.pi * share)
     arc = np.trapezoid(np.hypot(30e3, slope), share)
-    assert study.length(study.bow((0, 0), (0, 30e3), 6e3, 2001)) == pytest.approx(arc, rel=1e-5)
+    assert paths.length(paths.bow((0, 0), (0, 30e3), 6e3, 2001)) == pytest.approx(arc, rel=1e-5)
 
 
 def test_fan_drops_and_counts_bows_that_leave_the_map(chart):
-    paths, dropped = study.fan(chart, (10, 50), (10, 10), (15.0, 5.0, -5.0), 50)
-    assert list(paths) == ["Direct", "L4", "L5"]
+    curves, dropped = paths.fan(chart, (10, 50), (10, 10), (15.0, 5.0, -5.0), 50)
+    assert list(curves) == ["Direct", "L4", "L5"]
     assert dropped == 1
 
 
 def test_displaced_path_keeps_its_ends_and_moves_by_the_amplitude():
-    straight = study.bow((0, 0), (0, 40e3), 0.0, 101)
-    moved = study.displaced(straight, 2e3)
+    straight = paths.bow((0, 0), (0, 40e3), 0.0, 101)
+    moved = paths.displaced(straight, 2e3)
     np.testing.assert_allclose(moved[[0, -1]], straight[[0, -1]], atol=1e-9)
     assert moved[50, 0] == pytest.approx(-2e3, rel=1e-6)
 
 
 def test_nearest_bows_are_sorted_by_their_gap():
-    paths = {
-        name: study.bow((50e3, 50e3), (50e3, 10e3), amplitude, 60)
+    curves = {
+        name: paths.bow((50e3, 50e3), (50e3, 10e3), amplitude, 60)
         for name, amplitude in (
             ("Planned", 8e3),
             ("Direct", 0),
@@ -127,12 +132,12 @@ def test_nearest_bows_are_sorted_by_their_gap():
             ("L5", 4e3),
         )
     }
-    assert study.nearest(paths, 2) == ["L4", "L5"]
+    assert paths.nearest(curves, 2) == ["L4", "L5"]
 
 
 def score_of(squared, bound=None):
     bound = np.sqrt(squared.mean(axis=0)) if bound is None else bound
-    return gravity_scores.Score(squared, bound, 10e3)
+    return scores.Score(squared, bound, 10e3)
 
 
 @pytest.fixture
@@ -151,8 +156,8 @@ def test_standard_error_of_the_sum_is_that_of_the_bootstrap(squared):
 def test_paired_ratio_is_sharper_than_an_unpaired_one(squared):
     twin = score_of(4 * squared * np.random.default_rng(5).uniform(0.99, 1.01, squared.shape))
     other = score_of(np.random.default_rng(6).permutation(squared))
-    paired = gravity_scores.ratio(twin, score_of(squared))
-    unpaired = gravity_scores.ratio(twin, other)
+    paired = scores.ratio(twin, score_of(squared))
+    unpaired = scores.ratio(twin, other)
     assert paired.low < 2.0 < paired.high
     assert paired.se < 0.1 * unpaired.se
 
@@ -160,33 +165,33 @@ def test_paired_ratio_is_sharper_than_an_unpaired_one(squared):
 def test_ratio_at_a_distance_uses_that_sample(squared):
     a, b = squared.copy(), squared.copy()
     a[:, 6] *= 9.0
-    at = [gravity_scores.ratio_at(score_of(a), score_of(b), km).value for km in (5.45, 6.4)]
+    at = [scores.ratio_at(score_of(a), score_of(b), km).value for km in (5.45, 6.4)]
     np.testing.assert_allclose(at, [3.0, 1.0])
 
 
 def test_distance_of_the_minimum_and_its_interval():
     along = np.arange(21.0)
     squared = (along - 14.0) ** 2 + np.random.default_rng(7).gamma(1.0, 60.0, (400, 21))
-    one = gravity_scores.Score(squared, np.ones(21), 20e3)
-    weights = gravity_scores.resamples(study.Scenario(runs=400))
-    estimate = gravity_scores.minimum_km(one, weights)
+    one = scores.Score(squared, np.ones(21), 20e3)
+    weights = scores.resamples(Scenario(runs=400))
+    estimate = scores.minimum_km(one, weights)
     assert estimate.low <= 14.0 <= estimate.high
     assert 0 < estimate.high - estimate.low < 10
 
 
 def test_rank_stability_is_one_for_one_order_and_minus_one_for_the_opposite():
-    weights = gravity_scores.resamples(study.Scenario(runs=50))
+    weights = scores.resamples(Scenario(runs=50))
     base = np.full((50, 4), 1.0)
-    scores = {
+    rows = {
         name: [score_of(base * k), score_of(base * k**2)]
         for name, k in zip("abc", (1, 2, 3), strict=True)
     }
-    assert gravity_scores.rank_stability(scores, weights).low == 1.0
-    scores = {
+    assert scores.rank_stability(rows, weights).low == 1.0
+    rows = {
         name: [score_of(base * k), score_of(base / k)]
         for name, k in zip("abc", (1, 2, 3), strict=True)
     }
-    assert gravity_scores.rank_stability(scores, weights).high == -1.0
+    assert scores.rank_stability(rows, weights).high == -1.0
 
 
 @pytest.mark.parametrize(("reading", "expected"), [("absolute", 20.0), ("relative", np.log(2 / 3))])
@@ -199,14 +204,14 @@ def test_growth_of_the_gain(reading, expected):
             "Direct": (20.0, 60.0 if reading == "absolute" else 40.0),
         }.items()
     }
-    assert gravity_scores.growth(level, reading).value == pytest.approx(expected)
+    assert scores.growth(level, reading).value == pytest.approx(expected)
 
 
 def test_contour_length_obeys_the_coarea_formula():
     # The length of all contours per area is the gradient over the interval; on this ramp exactly.
     north, east = np.mgrid[0:41, 0:41] * 1e3
     ramp = gravity.GravityMap((3e-8 * east + 4e-8 * north), 1000.0, "ramp", "analytic")
-    lengths, steepness = gravity_scores.contour_density(ramp, levels=599, block=10)
+    lengths, steepness = scores.contour_density(ramp, levels=599, block=10)
     np.testing.assert_allclose(steepness, 5e-8)
     inner = lengths.reshape(4, 4)[1:3, 1:3]
     interval = (3e-8 + 4e-8) * 40e3 / 600
@@ -219,33 +224,33 @@ def test_rank_correlation_matches_scipy_and_covers():
     true = 6 / np.pi * np.arcsin(rho / 2)  # Spearman's coefficient of a binormal pair
     for _ in range(400):
         a, b = stream.multivariate_normal([0, 0], [[1, rho], [rho, 1]], 80).T
-        one = gravity_scores.rank_correlation(a, b)
+        one = scores.rank_correlation(a, b)
         inside += one.low <= true <= one.high
     assert one.value == pytest.approx(stats.spearmanr(a, b).statistic)
     assert 0.91 <= inside / 400 <= 0.985
 
 
 def test_filter_reaches_the_bound_on_a_plane():
-    scenario = study.Scenario(runs=2000)
-    one = study.plane_check(scenario, study.draw(scenario))
+    scenario = Scenario(runs=2000)
+    one = run.plane_check(scenario, run.draw(scenario))
     assert one.low <= 1.0 <= one.high
 
 
 def test_filter_that_assumes_too_little_noise_does_not_reach_it(chart):
-    scenario = study.Scenario(runs=500, samples=40)
-    points = study.bow((20e3, 50e3), (60e3, 10e3), 0.0, 40)
-    noise = study.draw(scenario)
-    right = study.run(scenario, chart, noise, points, 2.0)
-    wrong = study.run(scenario, chart, noise, points, 2.0, assumed_mgal=0.2)
-    assert gravity_scores.ratio(wrong, right).low > 1.0
+    scenario = Scenario(runs=500, samples=40)
+    points = paths.bow((20e3, 50e3), (60e3, 10e3), 0.0, 40)
+    noise = run.draw(scenario)
+    right = run.run(scenario, chart, noise, points, 2.0)
+    wrong = run.run(scenario, chart, noise, points, 2.0, assumed_mgal=0.2)
+    assert scores.ratio(wrong, right).low > 1.0
 
 
 def test_batches_and_threads_do_not_change_a_score(chart):
-    scenario = study.Scenario(runs=600, samples=30)
-    points = study.bow((20e3, 50e3), (60e3, 10e3), 3e3, 30)
-    noise = study.draw(scenario)
-    whole = study.run(scenario, chart, noise, points, 2.0)
-    cut = study.run_all(scenario, chart, noise, {"one": points}, [2.0])["one"][0]
+    scenario = Scenario(runs=600, samples=30)
+    points = paths.bow((20e3, 50e3), (60e3, 10e3), 3e3, 30)
+    noise = run.draw(scenario)
+    whole = run.run(scenario, chart, noise, points, 2.0)
+    cut = run.run_all(scenario, chart, noise, {"one": points}, [2.0])["one"][0]
     np.testing.assert_array_equal(whole.squared, cut.squared)
     assert whole.rmse[0] == pytest.approx(np.sqrt(2) * 1e3, rel=0.1)
 
@@ -253,53 +258,49 @@ def test_batches_and_threads_do_not_change_a_score(chart):
 def test_expected_bound_is_the_bound_where_the_gradient_is_constant():
     north, east = np.mgrid[0:61, 0:81] * 1e3
     ramp = gravity.GravityMap(3e-8 * east + 4e-8 * north, 1000.0, "ramp", "analytic")
-    scenario = study.Scenario(samples=20)
-    points = study.bow((20e3, 50e3), (60e3, 10e3), 0.0, 20)
+    scenario = Scenario(samples=20)
+    points = paths.bow((20e3, 50e3), (60e3, 10e3), 0.0, 20)
     np.testing.assert_allclose(
-        study.expected_bound(scenario, ramp, points, 2.0),
-        study.bound(scenario, ramp, points, 2.0),
+        run.expected_bound(scenario, ramp, points, 2.0),
+        run.bound(scenario, ramp, points, 2.0),
         rtol=1e-9,
     )
 
 
 def test_expected_bound_agrees_with_sampled_truths(chart):
-    scenario = study.Scenario(samples=20)
-    points = study.bow((20e3, 45e3), (60e3, 15e3), 0.0, 20)
+    scenario = Scenario(samples=20)
+    points = paths.bow((20e3, 45e3), (60e3, 15e3), 0.0, 20)
     shifts = montecarlo.normals(1, "truth", 4000, (2,)) * 1e3
     slopes = gravity.interpolate(gravity.gradient(chart), chart.spacing, points + shifts[:, None])
     mean = np.einsum("nsi,nsj->sij", slopes, slopes) / len(slopes) / (2e-5) ** 2
     P = scenario.P0
     for step in range(1, 20):
-        P = np.linalg.inv(np.linalg.inv(P + study.Q_step(scenario, points)) + mean[step])
-    ours = study.expected_bound(scenario, chart, points, 2.0)[-1]
+        P = np.linalg.inv(np.linalg.inv(P + run.Q_step(scenario, points)) + mean[step])
+    ours = run.expected_bound(scenario, chart, points, 2.0)[-1]
     np.testing.assert_allclose(ours, P, rtol=0.03, atol=0.01 * np.trace(P))
 
 
 def test_all_84_printed_cells_are_there():
-    cells = [
-        cell for test in gravity_printed.SUMS_KM.values() for row in test.values() for cell in row
-    ]
+    cells = [cell for test in printed.SUMS_KM.values() for row in test.values() for cell in row]
     assert len(cells) == 84
 
 
 def test_printed_table_3_contradicts_its_constant_ranking():
-    assert gravity_printed.rank_stability(1) == pytest.approx(1.0)
-    assert gravity_printed.rank_stability(2) < 1.0
+    assert printed.rank_stability(1) == pytest.approx(1.0)
+    assert printed.rank_stability(2) < 1.0
 
 
 def test_printed_gain_in_test_2_grows_in_km_and_shrinks_in_ratio():
-    assert gravity_printed.gain_growth(2, "absolute") == pytest.approx(5.9e3)
-    assert gravity_printed.gain_growth(2, "relative") < 0
+    assert printed.gain_growth(2, "absolute") == pytest.approx(5.9e3)
+    assert printed.gain_growth(2, "relative") < 0
 
 
 def test_random_pairs_keep_their_distance_and_margin(chart):
-    pairs = gravity_pairs.draw_pairs(study.Scenario(pairs=40), chart, "waves")
+    pairs = beyond.draw_pairs(Scenario(pairs=40), chart, "waves")
     ends = np.array(pairs)
     assert ends.shape == (40, 2, 2)
-    assert np.hypot(*(ends[:, 1] - ends[:, 0]).T).min() >= gravity_pairs.CLOSEST
-    assert ends.min() >= gravity_pairs.MARGIN
-    assert (ends[..., 0] < 81 - gravity_pairs.MARGIN).all()
-    assert (ends[..., 1] < 61 - gravity_pairs.MARGIN).all()
-    assert pairs[:7] == gravity_pairs.draw_pairs(
-        study.Scenario(pairs=7, label_pairs=7), chart, "waves"
-    )
+    assert np.hypot(*(ends[:, 1] - ends[:, 0]).T).min() >= beyond.CLOSEST
+    assert ends.min() >= beyond.MARGIN
+    assert (ends[..., 0] < 81 - beyond.MARGIN).all()
+    assert (ends[..., 1] < 61 - beyond.MARGIN).all()
+    assert pairs[:7] == beyond.draw_pairs(Scenario(pairs=7, label_pairs=7), chart, "waves")

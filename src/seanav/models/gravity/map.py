@@ -7,8 +7,8 @@ import numpy as np
 from seanav import checks
 from seanav._compile import kernel
 from seanav.checks import ParameterError, array, integer, number
+from seanav.models.units import MGAL
 
-MGAL = 1e-5  # m/s²
 MOST_NODES = 5001  # per side of a map
 
 # Earth of paper 5, below its (32). A flattening of 1/298.3 is the one printed there.

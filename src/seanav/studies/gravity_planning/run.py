@@ -1,0 +1,179 @@
+"""Paper 5: plans, bounds and filters along a path, and the Monte Carlo runs along many.
+
+The paths themselves are in `seanav.studies.gravity_planning.paths`.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from seanav import estimates, montecarlo
+from seanav.filters.gravity import labels, matching, pcrb, planning, point_mass
+from seanav.models import gravity
+from seanav.models.units import KM, MGAL
+from seanav.studies.gravity_planning.paths import length, resample
+from seanav.studies.gravity_planning.scores import Score
+
+BATCH = 250  # runs per unit of parallel work; fixed, so that results do not depend on threads
+
+
+def problem(scenario, chart, start, noise_mgal, goal=None):
+    """Return the keyword arguments that both planners take."""
+    return {
+        "gradient": gravity.gradient(chart),
+        "spacing": chart.spacing,
+        "start": start,
+        "goal": scenario.goal if goal is None else goal,
+        "noise": noise_mgal * MGAL,
+        "P0": scenario.P0,
+        "process_noise": scenario.Q_rate,
+        "speed": scenario.speed,
+    }
+
+
+def plan(scenario, chart, start, noise_mgal, goal=None):
+    """Plan with the paper's A* for one noise level; see `seanav.filters.gravity.planning.plan`."""
+    return planning.plan(**problem(scenario, chart, start, noise_mgal, goal))
+
+
+def plan_labels(scenario, chart, start, noise_mgal, goal=None, **options):
+    """Plan with the multi-label search; see `seanav.filters.gravity.labels.plan_labels`."""
+    return labels.plan_labels(**problem(scenario, chart, start, noise_mgal, goal), **options)
+
+
+def plan_path(result, chart, samples):
+    """Return the planned nodes as `samples` equidistant points in m."""
+    return resample(result.nodes * chart.spacing, samples)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Common random numbers of all paths, noise levels and filters; unit variance."""
+
+    initial: np.ndarray  # (runs, 2)
+    drift: np.ndarray  # (runs, samples, 2)
+    measurement: np.ndarray  # (runs, samples)
+
+
+def draw(scenario):
+    """Draw the random numbers of a scenario, one stream per run and purpose."""
+    seed, runs, samples = scenario.seed, scenario.runs, scenario.samples
+    return Noise(
+        montecarlo.normals(seed, "initial error", runs, (2,)),
+        montecarlo.normals(seed, "drift", runs, (samples, 2)),
+        montecarlo.normals(seed, "measurement", runs, (samples,)),
+    )
+
+
+def Q_step(scenario, points):
+    """Return the process noise between two samples of a path, (2, 2) m²."""
+    seconds = length(points) / (len(points) - 1) / scenario.speed
+    return np.eye(2) * scenario.Q_rate * seconds
+
+
+def bound(scenario, chart, points, noise_mgal):
+    """Return the PCRB along a path (samples, 2), linearised at the truth: (samples, 2, 2) m²."""
+    slopes = gravity.interpolate(gravity.gradient(chart), chart.spacing, points)
+    return pcrb.pcrb(slopes, noise_mgal * MGAL, scenario.P0, Q_step(scenario, points))
+
+
+def expected_bound(scenario, chart, points, noise_mgal, nodes=7):
+    """Return the PCRB with the information averaged over the prior: (samples, 2, 2) m².
+
+    The expectation is over the truth, which lies around the planned path as the INS error
+    does, by Gauss-Hermite quadrature with `nodes` points per axis.
+    """
+    offsets, weights = np.polynomial.hermite_e.hermegauss(nodes)
+    shifts = np.stack(np.meshgrid(offsets, offsets), axis=-1).reshape(-1, 2)
+    truths = points + scenario.initial_std_km * KM * shifts[:, None]
+    slopes = gravity.interpolate(gravity.gradient(chart), chart.spacing, truths)
+    # The mean of w·HHᵀ with weights that sum to one is the plain mean of scaled gradients.
+    share = np.outer(weights, weights).ravel() / weights.sum() ** 2
+    slopes *= np.sqrt(share * len(share))[:, None, None]
+    Q = Q_step(scenario, points)
+    return pcrb.expected_pcrb(slopes, noise_mgal * MGAL, scenario.P0, Q)
+
+
+def root_trace(P):
+    """Return the root of the trace of covariances (…, 2, 2): the two-dimensional RMSE."""
+    return np.sqrt(np.trace(P, axis1=-2, axis2=-1))
+
+
+def filter_inputs(scenario, chart, noise, points, noise_mgal, assumed_mgal=None):
+    """Return the positional arguments that every matching filter takes."""
+    Q = Q_step(scenario, points)
+    return (
+        chart.anomaly,
+        chart.spacing,
+        points,
+        noise.initial * scenario.initial_std_km * KM,
+        noise.drift * np.sqrt(Q[0, 0]),
+        noise.measurement * noise_mgal * MGAL,
+        ((assumed_mgal or noise_mgal) * MGAL) ** 2,
+        scenario.P0,
+        Q,
+    )
+
+
+def run(scenario, chart, noise, points, noise_mgal, *, method="sitan", assumed_mgal=None):
+    """Run one filter along one path on every row of `noise`.
+
+    Parameters
+    ----------
+    points : (samples, 2) ndarray
+        True positions, m.
+    method : {"sitan", "ekf", "point mass"}
+    assumed_mgal : float, optional
+        The noise the filter believes in; the true one by default.
+
+    Returns
+    -------
+    Score
+    """
+    inputs = filter_inputs(scenario, chart, noise, points, noise_mgal, assumed_mgal)
+    if method == "point mass":
+        errors = point_mass.point_mass(*inputs)[0]
+    else:
+        slope = {"sitan": "block", "ekf": "point"}[method]
+        options = {"gradient": slope, "window_sigmas": scenario.window_sigmas}
+        errors = matching.sitan(*inputs, **options).errors
+    limit = root_trace(bound(scenario, chart, points, noise_mgal))
+    return Score((errors**2).sum(axis=2), limit, length(points))
+
+
+def run_all(scenario, chart, noise, paths, noises_mgal, **options):
+    """Run every path at every noise level in parallel: {name: [Score, …]}."""
+    batches = [
+        Noise(*(part[begin : begin + BATCH] for part in vars(noise).values()))
+        for begin in range(0, len(noise.initial), BATCH)
+    ]
+    jobs = [(name, level, rows) for name in paths for level in noises_mgal for rows in batches]
+    parts = montecarlo.parallel_map(
+        lambda job: run(scenario, chart, job[2], paths[job[0]], job[1], **options),
+        jobs,
+        label="Monte Carlo",
+    )
+    whole = [
+        replace(group[0], squared=np.concatenate([part.squared for part in group]))
+        for group in (parts[i : i + len(batches)] for i in range(0, len(parts), len(batches)))
+    ]
+    count = len(noises_mgal)
+    return {name: whole[i * count : (i + 1) * count] for i, name in enumerate(paths)}
+
+
+def plane_check(scenario, noise):
+    """Return the error over the bound on a plane map at the end of a path, an `Estimate`.
+
+    On a plane SITAN's fit is exact, so it is the Kalman filter of a linear Gaussian problem.
+    The error is measured in the metric of the PCRB, half of the normalised squared error
+    (NEES / 2): one if the bound is reached along both axes, the one that the plane shows and
+    the one that it does not.
+    """
+    nodes = np.arange(121.0) * KM
+    plane = 1e-8 * nodes[None, :] + 2e-8 * nodes[:, None]
+    chart = gravity.GravityMap(plane, KM, "plane", "analytic")
+    points = resample(np.array([[40e3, 40e3], [80e3, 60e3]]), scenario.samples)
+    inputs = filter_inputs(scenario, chart, noise, points, scenario.planning_noise_mgal)
+    last = matching.sitan(*inputs).errors[:, -1]
+    P = bound(scenario, chart, points, scenario.planning_noise_mgal)[-1]
+    return estimates.mean(np.einsum("ri,ij,rj->r", last, np.linalg.inv(P), last) / 2)
