@@ -58,7 +58,7 @@ export JUPYTER_RUNTIME_DIR := $(CURDIR)/build/home/jupyter/runtime
 BIN := .venv/bin
 SEANAV := $(BIN)/python -m seanav
 
-.PHONY: help figures notebooks test lint format lock lockcheck bench book clean .venv FORCE
+.PHONY: help figures notebooks test soak lint format lock lockcheck bench book clean .venv FORCE
 
 help: ## list the targets
 	@echo "make TARGET [PYTHON=python3.12]"
@@ -96,6 +96,10 @@ ifneq ($(PAPERS),)
 	  --dist loadfile --nbval --nbval-cell-timeout=1800 $(PAPERS:%=notebooks/%.ipynb)
 endif
 	$(SEANAV) check
+
+soak: .venv ## any value of any parameter: thousands of cases, every notebook with other ones
+	SEANAV_CASES=2000 $(BIN)/python -m pytest -n 2 --dist load -rP \
+	  tests/studies/test_any_value.py tests/studies/test_notebooks.py
 
 lint: .venv ## style, docstrings, types, and who may import whom
 	$(BIN)/ruff check .

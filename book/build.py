@@ -26,18 +26,20 @@ def main() -> None:
     pages.mkdir(parents=True, exist_ok=True)
     names = papers(ROOT)
     for path in [ROOT / "notebooks" / f"{name}.ipynb" for name in names]:
-        (pages / f"{path.stem}.html").write_text(chapter(nbformat.read(path, as_version=4)))
+        (pages / f"{path.stem}.html").write_text(
+            chapter(nbformat.read(path, as_version=4)), encoding="utf-8"
+        )
     report, contents = ROOT / "paper_figures" / "REPORT.md", "# seanav\n\n"
     if report.exists():
         names.append("REPORT")
-        text = nbformat.v4.new_markdown_cell(report.read_text())
+        text = nbformat.v4.new_markdown_cell(report.read_text(encoding="utf-8"))
         page = chapter(nbformat.v4.new_notebook(cells=[text], metadata={"title": "Claims"}))
-        (pages / "REPORT.html").write_text(page)
+        (pages / "REPORT.html").write_text(page, encoding="utf-8")
     contents += "\n".join(f"- [{name}]({name}.html)" for name in names)
     index = nbformat.v4.new_notebook(
         cells=[nbformat.v4.new_markdown_cell(contents)], metadata={"title": "seanav"}
     )
-    (pages / "index.html").write_text(chapter(index))
+    (pages / "index.html").write_text(chapter(index), encoding="utf-8")
     print(f"{len(names)} pages and index.html in {pages.relative_to(ROOT)}/")
 
 

@@ -204,10 +204,10 @@ def test_files_are_those_that_the_project_promises(report, results):
         "parameters.csv",
         "table_2.csv",
     ]
-    assert (results / "table_2.csv").read_text() == (
+    assert (results / "table_2.csv").read_text(encoding="utf-8") == (
         "path,rmse_km\ndirect,0.3333333333\nplanned,2\n"
     )
-    assert (results / "deviations.csv").read_text() == (
+    assert (results / "deviations.csv").read_text(encoding="utf-8") == (
         "table,row,column,printed,ours,low,high,agrees\n2,direct,R = 1,8.1,8,7.8,8.2,true\n"
     )
     with (results / "parameters.csv").open() as file:
@@ -221,7 +221,7 @@ def test_files_are_those_that_the_project_promises(report, results):
 
 def test_claims_have_the_promised_form(report, results):
     fill(report)
-    claims = json.loads((results / "claims.json").read_text())
+    claims = json.loads((results / "claims.json").read_text(encoding="utf-8"))
     assert list(claims) == ["9.1", "9.2", "9.10"]
     assert claims["9.1"] == {
         "claim": "exact",
@@ -241,13 +241,13 @@ def test_claims_have_the_promised_form(report, results):
 
 def test_quick_claims_are_marked(results):
     fill(Report("9_tiny", scenario=Scenario(), seed=7, quick=True))
-    claims = json.loads((results / "claims.json").read_text())
+    claims = json.loads((results / "claims.json").read_text(encoding="utf-8"))
     assert all(claim["quick"] is True for claim in claims.values())
 
 
 def test_part_for_the_manifest(report, results):
     fill(report)
-    assert json.loads(results.with_suffix(".json").read_text()) == {
+    assert json.loads(results.with_suffix(".json").read_text(encoding="utf-8")) == {
         "seed": 7,
         "quick": False,
         "parameters": {"runs": 1000, "radii_km": [1.0, 2.5]},
@@ -327,7 +327,7 @@ def test_a_filter_that_diverged_is_shown_as_such_and_holds_no_claim(report, resu
     assert "9.1 not reproduced: it converges (diverges)" in capsys.readouterr().out
     report.parameters([])
     report.finish(["9.1"])
-    claim = json.loads((results / "claims.json").read_text())["9.1"]
+    claim = json.loads((results / "claims.json").read_text(encoding="utf-8"))["9.1"]
     assert claim["value"] is None
     assert "lost: diverges, claimed at most 1.00, fails" in claim["basis"]
 
@@ -365,7 +365,7 @@ def test_what_is_printed_is_rounded(report, capsys):
 
 def test_older_results_stay_until_the_new_ones_are_complete(results):
     results.mkdir()
-    (results / "figure_09.png").write_text("stale")
+    (results / "figure_09.png").write_text("stale", encoding="utf-8")
     report = Report("9_tiny", scenario=Scenario(), seed=7)
     assert [path.name for path in results.iterdir()] == ["figure_09.png"]
     report.parameters([])

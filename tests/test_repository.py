@@ -36,20 +36,53 @@ def modules():
 def test_no_study_is_known_to_the_machinery():
     for path, layer in modules():
         if layer not in ("models", "filters", "studies"):
-            assert not re.search(r"gravity|fading|current|neural|ito", path.read_text()), path
+            assert not re.search(
+                r"gravity|fading|current|neural|ito", path.read_text(encoding="utf-8")
+            ), path
 
 
 def test_kernels_are_only_where_the_cache_key_looks():
     for path, layer in modules():
         kernels = {
             ast.unparse(decorator)
-            for node in ast.walk(ast.parse(path.read_text()))
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
             if isinstance(node, ast.FunctionDef)
             for decorator in node.decorator_list
             if re.search(r"\b(kernel|n?jit|vectorize)\b", ast.unparse(decorator))
         }
         assert not kernels or layer in ("models", "filters"), path
         assert kernels <= {"kernel"}, f"{path}: compiled past seanav._compile"
+
+
+def bare(source):
+    """Return the lines of `source` that read or write text in the user's own encoding."""
+    found = []
+    for node in (n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.Call)):
+        name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        told = any(word.arg == "encoding" for word in node.keywords)
+        texts = [a.value for a in node.args if isinstance(a, ast.Constant)]
+        text_file = isinstance(node.func, ast.Name) or texts[:1] == ["w"] and len(node.args) == 1
+        opens = name == "open" and text_file
+        binary = any(isinstance(text, str) and "b" in text for text in texts[-1:])
+        reads = name == "read_text" and not texts
+        writes = name == "write_text" and len(node.args) < 2
+        if not told and (reads or writes or (opens and not binary)):
+            found.append(node.lineno)
+    return found
+
+
+def test_all_text_is_read_and_written_as_utf_8():
+    files = [*SOURCES, *(ROOT / "tests").rglob("*.py"), *(ROOT / "benchmarks").glob("*.py")]
+    for path in [*files, *(ROOT / "book").glob("*.py")]:
+        assert not bare(path.read_text(encoding="utf-8")), path
+
+
+@pytest.mark.parametrize(
+    "source", ["p.read_text()", "p.write_text(x)", "open(p)", "open(p, 'w')", "p.open('w')"]
+)
+def test_an_own_encoding_is_seen(source):
+    assert bare(source) == [1]
+    assert bare(source.replace(")", ", encoding='utf-8')").replace("(, ", "(")) == []
 
 
 # ---------------------------------------------------------------- committed text
@@ -90,12 +123,12 @@ def test_no_place_of_a_machine_is_committed():
 
 def test_only_what_is_committed_is_read(tmp_path):
     git(tmp_path, "init", "-q")
-    (tmp_path / "größe.md").write_text("text")
+    (tmp_path / "größe.md").write_text("text", encoding="utf-8")
     git(tmp_path, "add", "größe.md")
     (tmp_path / "own grid.nc").write_bytes(b"\x89HDF\xff")
     archive = tmp_path / "archive"
     archive.mkdir()
-    (archive / "note.md").write_text("text")
+    (archive / "note.md").write_text("text", encoding="utf-8")
     assert committed(tmp_path) == [tmp_path / "größe.md"]
     assert committed(archive) == []  # though it lies in a repository
 
@@ -111,7 +144,9 @@ def test_a_clone_holds_the_same_bytes_whatever_git_does_to_lines(tmp_path):
     git(tmp_path, "clone", "-q", "-c", "core.autocrlf=true", "kept", "clone")
     wrong = [
         f"{stem}/{name}"
-        for stem, entry in json.loads((ROOT / "paper_figures/manifest.json").read_text()).items()
+        for stem, entry in json.loads(
+            (ROOT / "paper_figures/manifest.json").read_text(encoding="utf-8")
+        ).items()
         for name, digest in entry["files"].items()
         if hashlib.sha256((clone / "paper_figures" / stem / name).read_bytes()).hexdigest()
         != digest
@@ -132,7 +167,7 @@ def test_no_test_is_skipped_or_expected_to_fail():
     word = re.compile(r"pytest\.(mark\.)?(skip|xfail|importorskip)|unittest\.skip|collect_ignore")
     for path in [*(ROOT / "tests").rglob("*.py"), ROOT / "conftest.py"]:
         if path != Path(__file__).resolve():
-            assert not word.search(path.read_text()), path
+            assert not word.search(path.read_text(encoding="utf-8")), path
 
 
 # ---------------------------------------------------------------- notebooks
@@ -264,14 +299,14 @@ def test_benchmarks_find_what_they_time(path, monkeypatch):
 
 
 def test_make_help_lists_every_target():
-    text = (ROOT / "Makefile").read_text()
+    text = (ROOT / "Makefile").read_text(encoding="utf-8")
     phony = re.search(r"^\.PHONY: (.*)$", text, re.M).group(1).split()
     listed = re.findall(r"^([a-z.]+):.*## ", text, re.M)
     assert set(phony) - {"FORCE"} == set(listed)
 
 
 def test_the_readme_counts_the_verdicts_of_every_paper():
-    readme = (ROOT / "README.md").read_text()
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
     for stem, claims in runner.claims(ROOT).items():
         counts = Counter(claim["verdict"] for claim in claims.values())
         (line,) = [line for line in readme.splitlines() if f"notebooks/{stem}.ipynb" in line]

@@ -34,7 +34,7 @@ def fault(root: Path) -> str:
     """Return why the environment in `root` must be built; empty if it stands."""
     now = wanted(root)
     try:
-        built = json.loads((root / ".venv" / ".built").read_text())
+        built = json.loads((root / ".venv" / ".built").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return "there is none that was finished"
     if built["folder"] != now["folder"]:
@@ -49,7 +49,7 @@ def build(root: Path) -> None:
     if not fault(root):
         return
     (root / "build").mkdir(exist_ok=True)
-    with (root / "build" / "environment.lock").open("w") as lock:
+    with (root / "build" / "environment.lock").open("w", encoding="utf-8") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -66,8 +66,10 @@ def mark(root: Path) -> None:
     """Let the environment in `root` find the package, and say what it was built for."""
     (packages,) = (root / ".venv").glob("lib/python*/site-packages")
     # Relative: the environment of a copied checkout must not run the original's sources.
-    (packages / "seanav.pth").write_text(os.path.relpath(root / "src", packages) + "\n")
-    (root / ".venv" / ".built").write_text(json.dumps(wanted(root)))
+    (packages / "seanav.pth").write_text(
+        os.path.relpath(root / "src", packages) + "\n", encoding="utf-8"
+    )
+    (root / ".venv" / ".built").write_text(json.dumps(wanted(root)), encoding="utf-8")
 
 
 def install(folder: Path, *what: object) -> None:

@@ -122,7 +122,10 @@ def _progress_bar(total, label):
     device = os.environ.get("SEANAV_PROGRESS")
     live_notebook = device is None and _in_jupyter()
     if device:
-        with open(device, "w") as terminal, _bar(total, label, terminal, position=1) as bar:
+        with (
+            open(device, "w", encoding="utf-8") as terminal,
+            _bar(total, label, terminal, position=1) as bar,
+        ):
             yield bar.update
     elif live_notebook or (device is None and sys.stderr.isatty()):
         with _bar(total, label, sys.stderr) as bar:

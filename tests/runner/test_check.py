@@ -26,13 +26,13 @@ def fresh(finished):
 
 
 def edit(path, old, new):
-    text = path.read_text()
+    text = path.read_text(encoding="utf-8")
     assert old in text
-    path.write_text(text.replace(old, new, 1))
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
 
 
 def append(path, text):
-    path.write_text(path.read_text() + text)
+    path.write_text(path.read_text(encoding="utf-8") + text, encoding="utf-8")
 
 
 def test_equal_results_pass(finished, fresh, capsys):
@@ -42,7 +42,7 @@ def test_equal_results_pass(finished, fresh, capsys):
 
 def test_numbers_are_compared_within_the_tolerance(finished, fresh, capsys):
     table = fresh / "9_tiny" / "table_1.csv"
-    value = table.read_text().split(",")[-1].strip()
+    value = table.read_text(encoding="utf-8").split(",")[-1].strip()
     edit(table, value, repr(float(value) * (1 + 1e-7)))
     assert runner.check(finished, fresh) == []
     assert "9_tiny/table_1.csv: other bytes" in capsys.readouterr().out
@@ -60,7 +60,9 @@ DAMAGE = {
     "row less": lambda new, root: append(root / "paper_figures/9_tiny/table_1.csv", "3,3\n"),
     "renamed column": lambda new, root: edit(new / "9_tiny/table_1.csv", "mean", "median"),
     "missing figure": lambda new, root: (new / "9_tiny/figure_01.pdf").unlink(),
-    "figure more": lambda new, root: (new / "9_tiny/figure_02.png").write_text(""),
+    "figure more": lambda new, root: (new / "9_tiny/figure_02.png").write_text(
+        "", encoding="utf-8"
+    ),
     "incomplete run": lambda new, root: (new / "9_tiny/claims.json").unlink(),
     "no run": lambda new, root: shutil.rmtree(new),
     "quick run": lambda new, root: edit(new / "9_tiny.json", "false", "true"),
@@ -96,7 +98,7 @@ def test_exceptions_need_a_reason_and_hold_where_they_match(finished, fresh):
     def wrong(match, **also):
         lines = [f"match = {json.dumps(match)}"]
         lines += [f"{key} = {json.dumps(value)}" for key, value in also.items()]
-        exceptions.write_text("[[exception]]\n" + "\n".join(lines))
+        exceptions.write_text("[[exception]]\n" + "\n".join(lines), encoding="utf-8")
         return runner.check(finished, fresh)
 
     there = "9_tiny/table_1.csv: row/*/noise"

@@ -61,18 +61,23 @@ def pretend(root):
     note.write_text(
         "import json, os, sys\n"
         "with open('calls', 'a') as file:\n"
-        "    print(json.dumps([sys.argv[1:], dict(os.environ)]), file=file)\n"
+        "    print(json.dumps([sys.argv[1:], dict(os.environ)]), file=file)\n",
+        encoding="utf-8",
     )
     python = root / ".venv" / "bin" / "python"
     python.parent.mkdir(parents=True)
     this = shlex.quote(sys.executable)
-    python.write_text(f'#!/bin/sh\ncase $1 in -I) ;; *) exec {this} note.py "$@";; esac\n')
+    python.write_text(
+        f'#!/bin/sh\ncase $1 in -I) ;; *) exec {this} note.py "$@";; esac\n', encoding="utf-8"
+    )
     python.chmod(0o755)
 
     def calls():
         if not (root / "calls").exists():
             return []
-        return [json.loads(line) for line in (root / "calls").read_text().splitlines()]
+        return [
+            json.loads(line) for line in (root / "calls").read_text(encoding="utf-8").splitlines()
+        ]
 
     return calls
 
@@ -287,12 +292,13 @@ def place(root):
 
 def test_environment_belongs_to_its_folder_and_heeds_no_harmful_setting(root, shelf, tmp_path):
     folder, lock = shelf
-    (root / "requirements.lock").write_text(lock)
+    (root / "requirements.lock").write_text(lock, encoding="utf-8")
     other = tmp_path / "other"
     config = tmp_path / "pip.conf"
     config.write_text(
         f"[global]\nfind-links = {folder.as_uri()}\nno-index = true\nquiet = 1\n"
-        f"[install]\nuser = true\nno-deps = true\nroot = {other}\nconstraint = /none\n"
+        f"[install]\nuser = true\nno-deps = true\nroot = {other}\nconstraint = /none\n",
+        encoding="utf-8",
     )
     harmful = {"PIP_USER": 1, "PIP_TARGET": other, "PIP_PREFIX": other, "PIP_NO_BINARY": ":all:"}
     settings = {**harmful, "PIP_REQUIRE_VIRTUALENV": 1, "PIP_CONFIG_FILE": config}
@@ -319,7 +325,7 @@ def test_environment_belongs_to_its_folder_and_heeds_no_harmful_setting(root, sh
     moved = root.rename(tmp_path / "moved")
     assert environment.fault(moved) == f"this one was built in {root}"
     borrowed = empty_checkout(tmp_path / "borrowed")
-    (borrowed / "requirements.lock").write_text(lock + "\n")
+    (borrowed / "requirements.lock").write_text(lock + "\n", encoding="utf-8")
     (borrowed / ".venv").symlink_to(moved / ".venv")
     assert f"this one was built in {root}\n" in built(borrowed)
     assert place(moved) == moved / "src/seanav"  # untouched
@@ -331,17 +337,17 @@ def test_environment_is_rebuilt_for_a_reason_only(root, monkeypatch):
     assert environment.fault(root) == ""
     for text in ("", "{", "\0\0"):
         stamp = root / ".venv" / ".built"
-        whole = stamp.read_text()
-        stamp.write_text(text)
+        whole = stamp.read_text(encoding="utf-8")
+        stamp.write_text(text, encoding="utf-8")
         assert environment.fault(root) == "there is none that was finished"
-        stamp.write_text(whole)
+        stamp.write_text(whole, encoding="utf-8")
     os.utime(root / "requirements.lock")
     assert environment.fault(root) == ""
     monkeypatch.setattr(sys, "base_prefix", "/elsewhere")
     assert environment.fault(root).startswith("this one has Python ")
     assert environment.fault(root).endswith(" in /elsewhere")
     monkeypatch.undo()
-    with (root / "requirements.lock").open("a") as file:
+    with (root / "requirements.lock").open("a", encoding="utf-8") as file:
         file.write("\n")
     assert environment.fault(root) == "requirements.lock has changed"
 
@@ -350,7 +356,7 @@ def test_default_interpreter_is_that_of_the_environment(root):
     borrow(root)
     fake = root / "fake" / "python3"
     fake.parent.mkdir()
-    fake.write_text("#!/bin/sh\necho another >&2\n")
+    fake.write_text("#!/bin/sh\necho another >&2\n", encoding="utf-8")
     fake.chmod(0o755)
     path = f"{fake.parent}:{os.environ['PATH']}"
     done = make(root, ".venv", PATH=path)
@@ -361,11 +367,11 @@ def test_default_interpreter_is_that_of_the_environment(root):
 
 
 def test_second_make_waits_for_the_environment(root):
-    (root / "requirements.lock").write_text("")
+    (root / "requirements.lock").write_text("", encoding="utf-8")
     (root / "build").mkdir()
     command = ["make", ".venv", f"PYTHON={sys.executable}"]
     options = {"cwd": root, "env": surroundings(), "stdout": subprocess.PIPE, "text": True}
-    with (root / "build/environment.lock").open("w") as lock:
+    with (root / "build/environment.lock").open("w", encoding="utf-8") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         with subprocess.Popen(command, **options) as second:
             said = second.stdout.readline()
@@ -400,7 +406,7 @@ def test_an_interpreter_that_lacks_something_is_named(root, name, monkeypatch):
 def test_an_interpreter_that_does_not_run_is_named(root, text):
     python = root / "my python"
     if text:
-        python.write_text(text)
+        python.write_text(text, encoding="utf-8")
         python.chmod(0o755)
     done = make(root, "figures", "QUICK=1", f"PYTHON={python}")
     assert done.returncode == 2
@@ -409,7 +415,9 @@ def test_an_interpreter_that_does_not_run_is_named(root, text):
 
 
 def test_no_environment_says_why_in_one_line(root):
-    (root / "requirements.lock").write_text("tiny-thing==1.0 --hash=sha256:" + "0" * 64)
+    (root / "requirements.lock").write_text(
+        "tiny-thing==1.0 --hash=sha256:" + "0" * 64, encoding="utf-8"
+    )
     done = make(root, ".venv", f"PYTHON={sys.executable}", PIP_NO_INDEX=1)
     assert done.returncode == 2
     assert "\nno environment: " in done.stderr
@@ -425,7 +433,9 @@ def test_both_commands_work_in_an_odd_folder(tmp_path):
     save(root, cell(STUDY), cell(REPORT), cell(FINISH))
     shutil.copy(CHECKOUT / "conftest.py", root)
     (root / "tests").mkdir()
-    (root / "tests" / "test_one.py").write_text("def test_one():\n    import seanav\n")
+    (root / "tests" / "test_one.py").write_text(
+        "def test_one():\n    import seanav\n", encoding="utf-8"
+    )
     borrow(root)
     settings = {"LC_ALL": "C", "PYTHONWARNINGS": "error", "PYTHONSTARTUP": "/none"}
     for target in ("figures", "notebooks", "test"):
@@ -448,10 +458,14 @@ def test_lock_is_written_only_if_every_platform_can_install_it(root):
         'case "$*" in\n'
         "  *compile*) for last; do :; done; echo new > $last;;\n"
         '  *"$REFUSED"*) exit 1;;\n'
-        "esac\n"
+        "esac\n",
+        encoding="utf-8",
     )
     uv.chmod(0o755)
-    path, before = f"{uv.parent}:{os.environ['PATH']}", (root / "requirements.lock").read_text()
+    path, before = (
+        f"{uv.parent}:{os.environ['PATH']}",
+        (root / "requirements.lock").read_text(encoding="utf-8"),
+    )
     for refused in (
         "3.13 --python-platform aarch64-apple-darwin",
         "3.11 --python-platform aarch64-m",
@@ -459,11 +473,11 @@ def test_lock_is_written_only_if_every_platform_can_install_it(root):
         done = make(root, "lock", PATH=path, REFUSED=refused)
         assert done.returncode == 2
         assert "no lock for aarch64-" in done.stderr
-        assert (root / "requirements.lock").read_text() == before
+        assert (root / "requirements.lock").read_text(encoding="utf-8") == before
     (root / "asked").unlink()
     done = make(root, "lock", PATH=path, REFUSED="nothing")
-    assert (root / "requirements.lock").read_text() == "new\n"
-    asked = (root / "asked").read_text().splitlines()
+    assert (root / "requirements.lock").read_text(encoding="utf-8") == "new\n"
+    asked = (root / "asked").read_text(encoding="utf-8").splitlines()
     platforms = [line for line in asked if "--python-platform" in line]
     assert len(platforms) == 9
     assert all(line.startswith("14.0 ") for line in platforms if "darwin" in line)

@@ -13,7 +13,7 @@ from seanav.runner import Refused
 def test_stored_notebook_is_clean_and_a_second_run_changes_no_byte(finished):
     path = finished / "notebooks" / "9_tiny.ipynb"
     runner.store(finished, "9_tiny")
-    text = path.read_text()
+    text = path.read_text(encoding="utf-8")
     book = nbformat.reads(text, as_version=4)
     assert [c.execution_count for c in book.cells[1:]] == [1, 2, 3, 4]
     assert book.cells[3].outputs[0].text.startswith("mean ")
@@ -24,7 +24,7 @@ def test_stored_notebook_is_clean_and_a_second_run_changes_no_byte(finished):
     results = tree(finished / "paper_figures")
     runner.run(finished, "9_tiny")
     runner.store(finished, "9_tiny")
-    assert path.read_text() == text
+    assert path.read_text(encoding="utf-8") == text
     assert tree(finished / "paper_figures") == results
 
 
@@ -45,7 +45,7 @@ def test_stamp_is_from_the_start_of_the_run_and_knows_the_imports(finished):
     stamp = finished / "build" / "stamps" / "9_tiny"
     table = finished / "paper_figures" / "9_tiny" / "table_1.csv"
     assert stamp.stat().st_mtime < table.stat().st_mtime
-    rule, *empty = stamp.with_suffix(".d").read_text().splitlines()
+    rule, *empty = stamp.with_suffix(".d").read_text(encoding="utf-8").splitlines()
     names = "__init__ _files checks estimates montecarlo report scenario"
     expected = [*(f"{name}.py" for name in names.split()), "seanav.mplstyle"]
     assert rule.split()[1:] == [f"src/seanav/{name}" for name in expected]
@@ -72,7 +72,7 @@ def test_dependencies_follow_every_form_of_import(root):
     }
     for name, source in sources.items():
         (package / name).parent.mkdir(parents=True, exist_ok=True)
-        (package / name).write_text(source)
+        (package / name).write_text(source, encoding="utf-8")
     save(root, cell("%time 1\n!true\nfrom seanav.studies import a"))
     found = {p.relative_to(package).as_posix() for p in runner.dependencies(root, "9_tiny")}
     assert found == sources.keys() - {"runner.py", "studies/b.py", "filters/unused.py"}

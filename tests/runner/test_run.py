@@ -117,12 +117,12 @@ def test_full_run_publishes_everything(finished):
         "parameters.csv",
         "table_1.csv",
     }
-    entry = json.loads((figures / "manifest.json").read_text())["9_tiny"]
+    entry = json.loads((figures / "manifest.json").read_text(encoding="utf-8"))["9_tiny"]
     assert set(entry["files"]) == names
     assert entry["parameters"] == {"runs": 20}
     assert entry["seed"] == 1
     assert entry["packages"]["numpy"].startswith("2.")
-    report = (figures / "REPORT.md").read_text()
+    report = (figures / "REPORT.md").read_text(encoding="utf-8")
     assert "| reproduced | 1 |" in report
     assert "Printed numbers that ours agree with: 1 of 1." in report
     assert r"| 9.1 | the mean \| is positive | reproduced | " in report
@@ -131,11 +131,11 @@ def test_full_run_publishes_everything(finished):
 
 def test_manifest_keeps_other_papers_and_drops_lost_ones(finished):
     path = finished / "paper_figures" / "manifest.json"
-    entry = json.loads(path.read_text())["9_tiny"]
-    path.write_text(json.dumps({"8_other": entry, "7_gone": entry}))
+    entry = json.loads(path.read_text(encoding="utf-8"))["9_tiny"]
+    path.write_text(json.dumps({"8_other": entry, "7_gone": entry}), encoding="utf-8")
     save(finished, stem="8_other")
     assert main(["--root", str(finished), "run", "--paper", "9"]) == 0
-    assert list(json.loads(path.read_text())) == ["8_other", "9_tiny"]
+    assert list(json.loads(path.read_text(encoding="utf-8"))) == ["8_other", "9_tiny"]
 
 
 def test_quick_and_other_parameters_stay_below_build(finished, capsys):
@@ -144,9 +144,9 @@ def test_quick_and_other_parameters_stay_below_build(finished, capsys):
     params = runner.run(finished, "9_tiny", words=("noise_mgal=3", "runs=30"))
     assert quick == finished / "build/quick/9_tiny"
     assert params == finished / "build/params/9_tiny"
-    assert json.loads((quick / "claims.json").read_text())["9.1"]["quick"] is True
-    assert "quick" not in json.loads((params / "claims.json").read_text())["9.1"]
-    assert (params / "table_1.csv").read_text().startswith("noise,mean\n3,")
+    assert json.loads((quick / "claims.json").read_text(encoding="utf-8"))["9.1"]["quick"] is True
+    assert "quick" not in json.loads((params / "claims.json").read_text(encoding="utf-8"))["9.1"]
+    assert (params / "table_1.csv").read_text(encoding="utf-8").startswith("noise,mean\n3,")
     assert tree(finished / "paper_figures") == before
     assert "9_tiny: quick run, about 2 s expected" in capsys.readouterr().out
 
@@ -171,7 +171,7 @@ def test_failed_run_leaves_the_results_alone(root, name, capsys):
     sources, message, words = FAILURES[name]
     figures = root / "paper_figures" / "9_tiny"
     figures.mkdir(parents=True)
-    (figures / "claims.json").write_text("{}")
+    (figures / "claims.json").write_text("{}", encoding="utf-8")
     before = tree(root / "paper_figures")
     tags = ["raises-exception"] if name == "tolerated error" else []
     save(root, *(cell(source, *tags) for source in sources))

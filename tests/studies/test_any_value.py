@@ -22,9 +22,14 @@ from seanav.checks import ParameterError
 from seanav.scenario import Choice, Integer, List, Number, Text
 from seanav.studies.adaptive_fading import run as fading_run
 from seanav.studies.adaptive_fading import scenario as fading
+from seanav.studies.gravity_planning import paths
+from seanav.studies.gravity_planning import run as gravity_run
+from seanav.studies.gravity_planning import scenario as gravity
 from seanav.studies.imm_sea_current import run as imm_run
 from seanav.studies.imm_sea_current import scenario as imm
 from seanav.studies.imm_sea_current import scores as imm_scores
+from seanav.studies.ito_filter import run as ito_run
+from seanav.studies.ito_filter import scenario as ito
 from seanav.studies.neural_estimator import run as neural_run
 from seanav.studies.neural_estimator import scenario as neural
 
@@ -100,11 +105,45 @@ def imm_study(scenario):
             assert finite or imm_scores.diverged(flight), name
 
 
+def ito_study(scenario):
+    for case, result in ito_run.run_all(scenario).items():
+        for name, score in result.scores.items():
+            for component in range(6):
+                found = score.rmse(component)  # NaN, as a number, would have raised
+                assert found.diverged or np.isfinite(found.value), (case, name)
+
+
+def gravity_study(scenario):
+    chart = scenario.map()
+    own = scenario.user_path(chart)
+    level = scenario.planning_noise_mgal
+    plan = gravity_run.plan(scenario, chart, scenario.start_1, level)
+    ends = (scenario.start_1, scenario.goal)
+    sailed, _ = paths.fan(chart, *ends, scenario.fan_1_km, scenario.samples)
+    sailed["Planned"] = gravity_run.plan_path(plan, chart, scenario.samples)
+    sailed |= {} if own is None else {"Own": own}
+    noise = gravity_run.draw(scenario)
+    for name, row in gravity_run.run_all(scenario, chart, noise, sailed, (level,)).items():
+        assert np.isfinite(row[0].squared).all(), name
+
+
 def few(*values):
     return st.sampled_from(values)
 
 
 STUDIES = {
+    "1": Study(
+        ito.Scenario,
+        {"runs": 2, "particle_runs": 2, "particles": 8, "mission": 2.0, "map_interval": [0.5]},
+        {
+            "runs": few(2, 3), "particle_runs": few(2, 3), "particles": few(2, 9),
+            "mission": few(1.0, 1.5, 3.0, 0.9), "interval": few(0.1, 0.25, 0.5, 1.0, 0.3),
+            "map_interval": few([0.1], [0.5, 0.25], [1.0, 0.3], [0.5, 0.5]),
+            "torpedo_step": few(0.005, 0.01, 0.02, 0.05, 0.03), "sphere_step": few(0.01, 0.05, 1.0),
+            "filter_step": few(0.01, 0.05, 0.1, 0.5, 0.03), "map_step": few(0.01, 0.02, 0.05, 0.7),
+        },
+        ito_study,
+    ),
     "2": Study(
         neural.Scenario,
         {"runs": 2, "steps": 70, "hidden": 5, "max_epochs": 10, "reteach_epochs": 2},
@@ -136,6 +175,19 @@ STUDIES = {
             "transition": few([[1, 0], [0, 1]], [[0.5, 0.5], [0.5, 0.5]], [[0, 1], [1, 0]], [[1]]),
         },
         imm_study,
+    ),
+    "5": Study(
+        gravity.Scenario,
+        {"runs": 2, "samples": 12, "fan_1_km": [11.0], "pairs": 2, "label_pairs": 2},
+        {
+            "runs": few(2, 3), "samples": few(10, 11, 30), "pairs": few(2, 3),
+            "label_pairs": few(2, 3), "map_source": few("geoid", "synthetic", "none.nc", "tests"),
+            "map_variable": few("", "2", "x"), "start_1": st.lists(st.integers(0, 101), min_size=2),
+            "goal": st.lists(st.integers(0, 101), min_size=2, max_size=2),
+            "user_path_km": few([], [[1, 2]], [[1, 2], [1, 2]], [[1, 2], [90, 80.5], [1, 2]]),
+            "fan_1_km": few([0.0], [5.5, 5.5], [500.0], [-99.0, 99.0], [1e300], []),
+        },
+        gravity_study,
     ),
 }  # fmt: skip
 
@@ -187,6 +239,7 @@ def outcome(study, changes):
 @pytest.mark.parametrize("paper", STUDIES)
 def test_any_value_runs_or_is_refused_in_one_line(paper):
     study, counts = STUDIES[paper], {"run": 0, "refused": 0}
+    study.run(study.scenario(**study.small))  # derives and compiles what the time limit is not for
 
     @settings(
         max_examples=CASES,

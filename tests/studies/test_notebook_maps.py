@@ -108,7 +108,7 @@ def code_cells():
 
 
 def check(results):
-    claims = json.loads((results / "claims.json").read_text())
+    claims = json.loads((results / "claims.json").read_text(encoding="utf-8"))
     assert list(claims) == [f"5.{number}" for number in range(1, 12)]
     assert len(list(results.glob("figure_0*.png"))) == 8
 
