@@ -61,7 +61,7 @@ def bare(source):
         name = getattr(node.func, "attr", getattr(node.func, "id", ""))
         told = any(word.arg == "encoding" for word in node.keywords)
         texts = [a.value for a in node.args if isinstance(a, ast.Constant)]
-        text_file = isinstance(node.func, ast.Name) or texts[:1] == ["w"] and len(node.args) == 1
+        text_file = isinstance(node.func, ast.Name) or (texts[:1] == ["w"] and len(node.args) == 1)
         opens = name == "open" and text_file
         binary = any(isinstance(text, str) and "b" in text for text in texts[-1:])
         reads = name == "read_text" and not texts
