@@ -272,6 +272,9 @@ def test_lines_of_the_map_that_fall_are_counted():
     assert beyond.falling(rows, 0) == (1, 2)
     assert beyond.falling([*rows, (4.0, 1.0, LOST), (4.0, 0.5, LOST)], 1) == (2, 3)
     assert beyond.falling([*rows, (4.0, 1.0, LOST), (4.0, 0.5, LOST)], 0) == (0, 2)
+    # From a filter that diverged to one that did not is no fall.
+    half = [(4.0, 0.5, LOST), (4.0, 1.0, estimates.exact(0.1))]
+    assert beyond.falling([*rows, *half], 1) == (2, 3)
 
 
 def test_map_is_drawn_in_the_order_it_is_given():

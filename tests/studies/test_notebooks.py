@@ -1,5 +1,6 @@
 """Every cell of a notebook runs to its end, far from the paper's settings."""
 
+import importlib
 import json
 import re
 import warnings
@@ -146,3 +147,13 @@ def test_every_cell_runs(stem, case, tmp_path, monkeypatch, capsys):
             assert re.search("was not run|diverged|never falls|nothing of what", claim["basis"])
     if case.startswith("literal"):
         assert "diverged" in printed
+
+
+@pytest.mark.parametrize("stem", sorted({stem for stem, _ in CASES}))
+def test_the_parameters_cell_is_the_declaration(stem):
+    name = stem.partition("_")[2]
+    scenario = importlib.import_module(f"seanav.studies.{name}.scenario").Scenario
+    cells = json.loads((NOTEBOOKS / f"{stem}.ipynb").read_text("utf-8"))["cells"]
+    (cell,) = [c for c in cells if "parameters" in c["metadata"].get("tags", ())]
+    assert "".join(cell["source"]) == scenario.cell()
+    assert sum("scenario = Scenario.read(globals())" in "".join(c["source"]) for c in cells) == 1

@@ -10,7 +10,7 @@ import math
 import numpy as np
 import pytest
 import sympy as sp
-from hypothesis import example, given, settings
+from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from seanav.checks import ParameterError
@@ -113,6 +113,8 @@ NAMES = st.sampled_from(WORDS.split()) | st.lists(
     st.sampled_from(["a", "b", "x", "u", "m_", "P_", "mu_", "s_", "_", "c_", "0", "1"]),
     min_size=1, max_size=4,
 ).map("".join).filter(str.isidentifier)  # fmt: skip
+# A failure is told at once: to make its names shorter takes minutes.
+QUICK = {"deadline": None, "phases": (Phase.explicit, Phase.generate)}
 FIXED = [
     ("v", "w", "r", "tau", "a_0", "a_1", "a_2"),
     ("v", "w", "r", "tau", "c_1", "c_0", "c_2"),
@@ -135,7 +137,7 @@ FIXED = [
     names=st.lists(NAMES, min_size=7, max_size=7, unique=True),
     order=st.permutations(range(3)),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25, **QUICK)
 def test_numbers_do_not_depend_on_names_or_their_order(names, order):
     demand_the_numbers(read(tuple(names), order), order)
 
@@ -160,7 +162,7 @@ ASSUMPTIONS = [{}, {"real": True}, {"complex": True}, {"integer": True}, {"commu
     assumptions=st.lists(st.sampled_from(ASSUMPTIONS), min_size=7, max_size=7),
 )
 @example(names=list(FIXED[0]), order=[1, 0, 2], assumptions=[{"commutative": False}] * 7)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15, **QUICK)
 def test_numbers_do_not_depend_on_what_is_assumed_of_symbols(names, order, assumptions):
     own = [sp.Symbol(name, **given) for name, given in zip(names, assumptions, strict=True)]
     demand_the_numbers(read(tuple(names), order, own), order)
@@ -168,7 +170,7 @@ def test_numbers_do_not_depend_on_what_is_assumed_of_symbols(names, order, assum
 
 @given(states=st.lists(NAMES, min_size=1, max_size=5, unique=True), others=st.lists(NAMES))
 @example(states=["a", "a_a"], others=["mu_a_a_a", "s_a"])
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100, **QUICK)
 def test_no_two_moments_share_a_name_and_none_is_a_users(states, others):
     others = [name for name in dict.fromkeys(others) if name not in states]
     n = len(states)
