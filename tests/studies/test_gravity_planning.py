@@ -22,7 +22,10 @@ def chart():
     [
         ("runs", -1, "integer of at least 2"),
         ("runs", 2.5, "integer of at least 2"),
-        ("noise_mgal", [1, 0], "above 0"),
+        ("noise_mgal", [1, 0], "at least 1e-06"),
+        ("noise_mgal", [1, 1e300], "at most 10000"),
+        ("initial_std_km", 1e300, "at most 20"),
+        ("process_noise", 1e200, "at most 10"),
         ("noise_mgal", [], "a list of 1 to 64 values"),
         ("noise_mgal", [2.0, 2.0], "every value once"),
         ("noise_mgal", "12", "a list of 1 to 64 values"),
@@ -32,7 +35,7 @@ def chart():
         ("start_1", [65, 9], "must differ from goal"),
         ("start_2", [30.5, 58], "integer of at least 0"),
         ("label_pairs", 61, "at most 60"),
-        ("speed", 0.0, "above 0"),
+        ("speed", 0.0, "at least 0.1"),
         ("map_latitude_deg", 95.0, "at most 80"),
         ("map_unit", "m", "one of 'file', 'mGal'"),
         ("map_source", 7, "must be text"),
@@ -243,6 +246,16 @@ def test_filter_that_assumes_too_little_noise_does_not_reach_it(chart):
     right = run.run(scenario, chart, noise, points, 2.0)
     wrong = run.run(scenario, chart, noise, points, 2.0, assumed_mgal=0.2)
     assert scores.ratio(wrong, right).low > 1.0
+
+
+@pytest.mark.parametrize(
+    "change", [{"initial_std_km": 5.0}, {"process_noise": 10.0}, {"initial_std_km": 0.05}]
+)
+def test_point_mass_filter_runs_with_every_prior_and_drift(chart, change):
+    scenario = Scenario(runs=2, samples=12, **change)
+    points = paths.bow((20e3, 50e3), (60e3, 10e3), 0.0, 12)
+    one = run.run(scenario, chart, run.draw(scenario), points, 2.0, method="point mass")
+    assert np.isfinite(one.rmse).all()
 
 
 def test_batches_and_threads_do_not_change_a_score(chart):

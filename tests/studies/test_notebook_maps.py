@@ -143,9 +143,12 @@ def test_strict_run_with_a_grid_file(root):
         ("map_source=none.nc", "map_source = 'none.nc': "),
         ("goal=[101, 9]", "goal = [101, 9]: must lie on the map"),
         ("start_1=[65, 9]", "start_1 = [65, 9]: must differ from goal"),
-        ("noise_mgal=[0.0, 2.0]", "noise_mgal = 0.0: must be a finite number above 0"),
+        (
+            "noise_mgal=[0.0, 2.0]",
+            "noise_mgal = 0.0: must be a finite number at least 1e-06 and at most",
+        ),
         ("user_path_km=[[1, 1], [200, 3]]", "user_path_km = "),
-        ("epsilon=-1", "epsilon = -1.0: must be a finite number at least 0"),
+        ("epsilon=-1", "epsilon = -1.0: must be a finite number at least 0 and at most 1e+06"),
     ],
 )
 def test_bad_input_is_one_line_of_the_first_cell(word, message):

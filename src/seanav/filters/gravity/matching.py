@@ -268,7 +268,9 @@ def sitan(
 
 def _demand_finite(*results):
     # Numbers of extreme size overflow on their way through a filter.
-    if not all(np.isfinite(result).all() for result in results):
+    with np.errstate(all="ignore"):  # a sum shows what is not finite, in one pass
+        sums = [result.sum() for result in results]
+    if not np.isfinite(sums).all():
         allowed = "must leave errors and covariances that are finite in double precision"
         raise ParameterError("the inputs of the filter", "of extreme size", allowed)
 

@@ -132,7 +132,9 @@ def run(scenario, chart, noise, points, noise_mgal, *, method="sitan", assumed_m
     """
     inputs = filter_inputs(scenario, chart, noise, points, noise_mgal, assumed_mgal)
     if method == "point mass":
-        errors = point_mass.point_mass(*inputs)[0]
+        # A tenth of the prior's deviation, 100 m at most, and no less than the drift needs.
+        cell = max(min(100.0, 0.1 * scenario.initial_std_km * KM), 1.01 * np.sqrt(inputs[-1][0, 0]))
+        errors = point_mass.point_mass(*inputs, cell=cell)[0]
     else:
         slope = {"sitan": "block", "ekf": "point"}[method]
         options = {"gradient": slope, "window_sigmas": scenario.window_sigmas}

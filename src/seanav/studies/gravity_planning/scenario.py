@@ -17,12 +17,15 @@ from seanav.studies.gravity_planning import paths
 SAMPLES = 4_000_000  # runs times samples, at most: what is stored of them fits in a few GB
 
 _NODE = List(Integer(0), 2)
-_FAN = List(Number())
+_FAN = List(Number(at_least=-1e4, at_most=1e4))
+
+
+_NOISE = Number(at_least=1e-6, at_most=1e4)
 
 
 def _noises(name, value):
     # The claims speak of the least and the most noise: the first and the last.
-    return tuple(sorted(List(Number(above=0), distinct=True)(name, value)))
+    return tuple(sorted(List(_NOISE, distinct=True)(name, value)))
 
 
 def _own_path(name, value):
@@ -105,22 +108,28 @@ class Scenario(Parameters):
     )
     planning_noise_mgal: float = parameter(
         2.0,
-        Number(above=0),
+        _NOISE,
         unit="mGal",
         origin="text",
         note="4 mGal² of Table 1, one of noise_mgal",
     )
     initial_std_km: float = parameter(
-        1.0, Number(above=0), unit="km", origin="text", note="per axis, Table 1"
+        1.0,
+        Number(at_least=1e-3, at_most=20),
+        unit="km",
+        origin="text",
+        note="per axis, Table 1",
     )
     process_noise: float = parameter(
         0.01,
-        Number(at_least=0),
+        Number(at_least=0, at_most=10),
         unit="m/√s",
         origin="text",
         note="per axis, Table 1, read literally",
     )
-    speed: float = parameter(5.0, Number(above=0), unit="m/s", origin="text", note="Table 1")
+    speed: float = parameter(
+        5.0, Number(at_least=0.1, at_most=100), unit="m/s", origin="text", note="Table 1"
+    )
     samples: int = parameter(
         100,
         Integer(10, 10_000),
@@ -130,12 +139,15 @@ class Scenario(Parameters):
     runs: int = parameter(1000, Integer(2, 100_000), origin="text", note="Table 1", quick=tenth(2))
     window_sigmas: float = parameter(
         1.0,
-        Number(above=0),
+        Number(above=0, at_most=100),
         origin="assumed",
         note="half width of SITAN's window, in standard deviations",
     )
     epsilon: float = parameter(
-        0.3, Number(at_least=0), origin="ours", note="tolerance of the multi-label planner"
+        0.3,
+        Number(at_least=0, at_most=1e6),
+        origin="ours",
+        note="tolerance of the multi-label planner",
     )
     bound_expansions: int = parameter(
         30_000,
