@@ -37,7 +37,16 @@ from seanav import checks, montecarlo
 from seanav.filters import adaptive, blended, imm, ins, kalman, linear_covariance, moments, neural
 from seanav.filters.gravity import labels, matching, pcrb, planning, point_mass
 from seanav.filters.moments import continuous_discrete, generated
-from seanav.models import attitude, currents, earth, gravity, inertial, trajectories, vehicles
+from seanav.models import (
+    attitude,
+    currents,
+    earth,
+    gravity,
+    inertial,
+    paths,
+    trajectories,
+    vehicles,
+)
 
 # ---------------------------------------------------------------- the table
 
@@ -274,7 +283,14 @@ _AT = {"latitude": 0.6, "height": 10.0}
 _V_N = np.array([5.0, -3.0, 1.0])
 _STEADY = {"z": _random(3, 6, 2), "K": np.full(6, 0.3), "x0": _random(3, 2)}
 
+_BENT = np.array([[0.0, 0.0], [3.0, 1.0], [3.0, 5.0]])
+
 ROWS = [
+    Row(paths.length, {"points": _BENT}, free=(("points", 0),)),
+    Row(paths.resample, {"points": _BENT, "count": 4}, free=(("points", 0),)),
+    Row(paths.bow, {"start": np.zeros(2), "goal": np.ones(2), "amplitude": 0.5, "count": 4}),
+    Row(paths.inside, {"points": _BENT, "extent": np.ones(2)}, free=(("points", 0),)),
+    Row(paths.displaced, {"points": _BENT, "amplitude": 0.5}, free=(("points", 0),)),
     Row(kalman.run, _kalman()),
     Row(linear_covariance.steady_covariance, _pick(_kalman(), "Phi", "H", "Q", "R")),
     Row(kalman.nees, {"errors": _random(3, 4, 2), "P": np.ones((3, 4, 1, 1)) * np.eye(2)}),

@@ -22,7 +22,6 @@ from seanav.checks import ParameterError
 from seanav.scenario import Choice, Integer, List, Number, Text
 from seanav.studies.adaptive_fading import run as fading_run
 from seanav.studies.adaptive_fading import scenario as fading
-from seanav.studies.gravity_planning import paths
 from seanav.studies.gravity_planning import run as gravity_run
 from seanav.studies.gravity_planning import scenario as gravity
 from seanav.studies.imm_sea_current import run as imm_run
@@ -119,7 +118,7 @@ def gravity_study(scenario):
     level = scenario.planning_noise_mgal
     plan = gravity_run.plan(scenario, chart, scenario.start_1, level)
     ends = (scenario.start_1, scenario.goal)
-    sailed, _ = paths.fan(chart, *ends, scenario.fan_1_km, scenario.samples)
+    sailed, _ = gravity_run.fan(chart, *ends, scenario.fan_1_km, scenario.samples)
     sailed["Planned"] = gravity_run.plan_path(plan, chart, scenario.samples)
     sailed |= {} if own is None else {"Own": own}
     noise = gravity_run.draw(scenario)

@@ -8,8 +8,8 @@ import pytest
 
 from seanav import estimates
 from seanav.filters.gravity import labels
-from seanav.models import gravity
-from seanav.studies.gravity_planning import beyond, paths, printed, run, scores
+from seanav.models import gravity, paths
+from seanav.studies.gravity_planning import beyond, printed, run, scores
 from seanav.studies.gravity_planning.beyond import Bounds, Case, Comparison
 from seanav.studies.gravity_planning.scenario import Scenario
 

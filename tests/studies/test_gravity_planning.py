@@ -5,8 +5,8 @@ import pytest
 from scipy import stats
 
 from seanav import checks, montecarlo
-from seanav.models import gravity
-from seanav.studies.gravity_planning import beyond, paths, printed, run, scores
+from seanav.models import gravity, paths
+from seanav.studies.gravity_planning import beyond, printed, run, scores
 from seanav.studies.gravity_planning.scenario import Scenario
 
 
@@ -112,7 +112,7 @@ def test_bow_length_is_that_of_a_sine_arc():
 
 
 def test_fan_drops_and_counts_bows_that_leave_the_map(chart):
-    curves, dropped = paths.fan(chart, (10, 50), (10, 10), (15.0, 5.0, -5.0), 50)
+    curves, dropped = run.fan(chart, (10, 50), (10, 10), (15.0, 5.0, -5.0), 50)
     assert list(curves) == ["Direct", "L4", "L5"]
     assert dropped == 1
 
@@ -135,7 +135,7 @@ def test_nearest_bows_are_sorted_by_their_gap():
             ("L5", 4e3),
         )
     }
-    assert paths.nearest(curves, 2) == ["L4", "L5"]
+    assert run.nearest(curves, 2) == ["L4", "L5"]
 
 
 def score_of(squared, bound=None):

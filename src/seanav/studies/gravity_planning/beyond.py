@@ -6,10 +6,10 @@ import numpy as np
 
 from seanav import estimates, montecarlo
 from seanav.filters.gravity import labels
-from seanav.models import gravity
+from seanav.models import gravity, paths
 from seanav.models.gravity import sources
 from seanav.models.units import KM
-from seanav.studies.gravity_planning import paths, run
+from seanav.studies.gravity_planning import run
 from seanav.studies.gravity_planning.scores import exp
 
 FAN_KM = (27.5, 22.0, 16.5, 11.0, 5.5, -5.5, -11.0, -16.5, -22.0, -27.5)
@@ -58,7 +58,7 @@ def bounds(scenario, chart, pair, noise_mgal):
         return run.root_trace(run.bound(scenario, chart, points, noise_mgal)).sum()
 
     start, goal = pair
-    curves, dropped = paths.fan(chart, start, goal, FAN_KM, scenario.samples)
+    curves, dropped = run.fan(chart, start, goal, FAN_KM, scenario.samples)
     planned = run.plan_path(
         run.plan(scenario, chart, start, noise_mgal, goal), chart, scenario.samples
     )
@@ -93,7 +93,7 @@ def compare(scenario, chart, noise, pair, table):
     many = run.plan_labels(
         scenario, chart, start, level, goal, epsilon=scenario.epsilon, incumbent=one, table=table
     )
-    curves, dropped = paths.fan(chart, start, goal, FAN_KM, scenario.samples)
+    curves, dropped = run.fan(chart, start, goal, FAN_KM, scenario.samples)
     compared = {
         "Planned": run.plan_path(one, chart, scenario.samples),
         "Labels": run.plan_path(many, chart, scenario.samples),

@@ -1,6 +1,6 @@
 """Paper 5: plans, bounds and filters along a path, and the Monte Carlo runs along many.
 
-The paths themselves are in `seanav.studies.gravity_planning.paths`.
+The paths themselves are from `seanav.models.paths`.
 """
 
 from dataclasses import dataclass, replace
@@ -9,9 +9,8 @@ import numpy as np
 
 from seanav import estimates, montecarlo
 from seanav.filters.gravity import labels, matching, pcrb, planning, point_mass
-from seanav.models import gravity
+from seanav.models import gravity, paths
 from seanav.models.units import KM, MGAL
-from seanav.studies.gravity_planning.paths import length, resample
 from seanav.studies.gravity_planning.scores import Score
 
 BATCH = 250  # runs per unit of parallel work; fixed, so that results do not depend on threads
@@ -41,9 +40,43 @@ def plan_labels(scenario, chart, start, noise_mgal, goal=None, **options):
     return labels.plan_labels(**problem(scenario, chart, start, noise_mgal, goal), **options)
 
 
+def fan(chart, start, goal, amplitudes_km, samples):
+    """Return the direct path and the bows that stay on the map, and how many did not.
+
+    Parameters
+    ----------
+    start, goal : (2,) array_like
+        Nodes (east, north).
+    amplitudes_km : sequence of float
+        Left to right; they are named L3, L4, … as in the paper.
+
+    Returns
+    -------
+    dict of str to (samples, 2) ndarray in m, int
+    """
+    ends = np.asarray(start) * chart.spacing, np.asarray(goal) * chart.spacing
+    fanned = {"Direct": paths.bow(*ends, 0.0, samples)}
+    for number, amplitude in enumerate(amplitudes_km, start=3):
+        curve = paths.bow(*ends, amplitude * KM, samples)
+        if paths.inside(curve, chart.extent):
+            fanned[f"L{number}"] = curve
+    return fanned, len(amplitudes_km) + 1 - len(fanned)
+
+
+def nearest(sailed, count):
+    """Return the names of the `count` bows nearest to the planned path, nearest first."""
+
+    def gap(name):
+        steps = sailed["Planned"][:, None] - sailed[name][None]
+        return np.hypot(steps[..., 0], steps[..., 1]).min(axis=1).mean()
+
+    bows = [name for name in sailed if name not in ("Planned", "Direct")]
+    return sorted(bows, key=gap)[:count]
+
+
 def plan_path(result, chart, samples):
     """Return the planned nodes as `samples` equidistant points in m."""
-    return resample(result.nodes * chart.spacing, samples)
+    return paths.resample(result.nodes * chart.spacing, samples)
 
 
 @dataclass(frozen=True)
@@ -67,7 +100,7 @@ def draw(scenario):
 
 def Q_step(scenario, points):
     """Return the process noise between two samples of a path, (2, 2) m²."""
-    seconds = length(points) / (len(points) - 1) / scenario.speed
+    seconds = paths.length(points) / (len(points) - 1) / scenario.speed
     return np.eye(2) * scenario.Q_rate * seconds
 
 
@@ -140,18 +173,18 @@ def run(scenario, chart, noise, points, noise_mgal, *, method="sitan", assumed_m
         options = {"gradient": slope, "window_sigmas": scenario.window_sigmas}
         errors = matching.sitan(*inputs, **options).errors
     limit = root_trace(bound(scenario, chart, points, noise_mgal))
-    return Score((errors**2).sum(axis=2), limit, length(points))
+    return Score((errors**2).sum(axis=2), limit, paths.length(points))
 
 
-def run_all(scenario, chart, noise, paths, noises_mgal, **options):
+def run_all(scenario, chart, noise, sailed, noises_mgal, **options):
     """Run every path at every noise level in parallel: {name: [Score, …]}."""
     batches = [
         Noise(*(part[begin : begin + BATCH] for part in vars(noise).values()))
         for begin in range(0, len(noise.initial), BATCH)
     ]
-    jobs = [(name, level, rows) for name in paths for level in noises_mgal for rows in batches]
+    jobs = [(name, level, rows) for name in sailed for level in noises_mgal for rows in batches]
     parts = montecarlo.parallel_map(
-        lambda job: run(scenario, chart, job[2], paths[job[0]], job[1], **options),
+        lambda job: run(scenario, chart, job[2], sailed[job[0]], job[1], **options),
         jobs,
         label="Monte Carlo",
     )
@@ -160,7 +193,7 @@ def run_all(scenario, chart, noise, paths, noises_mgal, **options):
         for group in (parts[i : i + len(batches)] for i in range(0, len(parts), len(batches)))
     ]
     count = len(noises_mgal)
-    return {name: whole[i * count : (i + 1) * count] for i, name in enumerate(paths)}
+    return {name: whole[i * count : (i + 1) * count] for i, name in enumerate(sailed)}
 
 
 def plane_check(scenario, noise):
@@ -174,7 +207,7 @@ def plane_check(scenario, noise):
     nodes = np.arange(121.0) * KM
     plane = 1e-8 * nodes[None, :] + 2e-8 * nodes[:, None]
     chart = gravity.GravityMap(plane, KM, "plane", "analytic")
-    points = resample(np.array([[40e3, 40e3], [80e3, 60e3]]), scenario.samples)
+    points = paths.resample(np.array([[40e3, 40e3], [80e3, 60e3]]), scenario.samples)
     inputs = filter_inputs(scenario, chart, noise, points, scenario.planning_noise_mgal)
     last = matching.sitan(*inputs).errors[:, -1]
     P = bound(scenario, chart, points, scenario.planning_noise_mgal)[-1]

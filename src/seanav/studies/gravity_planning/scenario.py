@@ -7,12 +7,12 @@ import numpy as np
 
 from seanav import checks
 from seanav.checks import ParameterError
+from seanav.models import paths
 from seanav.models.gravity import GravityMap
 from seanav.models.gravity.files import MAP_UNITS
 from seanav.models.gravity.sources import load
 from seanav.models.units import KM
 from seanav.scenario import Choice, Integer, List, Number, Parameters, Text, parameter, tenth
-from seanav.studies.gravity_planning import paths
 
 SAMPLES = 4_000_000  # runs times samples, at most: what is stored of them fits in a few GB
 
@@ -235,7 +235,7 @@ class Scenario(Parameters):
         if not self.user_path_km:
             return None
         name, corners = "user_path_km", np.array(self.user_path_km) * KM
-        if not paths.on_map(corners, chart):
+        if not paths.inside(corners, chart.extent):
             extent = [side / KM for side in chart.extent]
             allowed = f"must stay on the map, 0 … {extent[0]:g} by 0 … {extent[1]:g} km"
             raise ParameterError(name, self.user_path_km, allowed)
