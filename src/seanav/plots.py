@@ -50,14 +50,17 @@ def band(
 
     There is a gap where a filter diverged, and where a reason stands for a missing number.
     """
-    there = [not (isinstance(e, str) or e.diverged) for e in estimates]
-    pairs = zip(estimates, there, strict=True)
-    ends = [(e.value, e.low, e.high) if usable else (np.nan,) * 3 for e, usable in pairs]
-    value, low, high = np.array(ends).T
+    value, low, high = np.array([_ends(e) for e in estimates]).T
     missing = " (diverged)" if any(map(_lost, estimates)) else " (not run)"
-    label = f"{label}{missing}" if label and not any(there) else label
+    label = f"{label}{missing}" if label and np.isnan(value).all() else label
     (line,) = axes.plot(x, value, label=label, **style)
     axes.fill_between(x, low, high, color=line.get_color(), alpha=0.15, linewidth=0)
+
+
+def _ends(estimate):
+    if isinstance(estimate, str) or estimate.diverged:
+        return (np.nan,) * 3
+    return estimate.value, estimate.low, estimate.high
 
 
 def _lost(estimate):

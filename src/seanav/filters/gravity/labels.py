@@ -25,10 +25,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav import checks
 from seanav._compile import kernel
-from seanav.filters.gravity.planning import _refuse, _sound, _step, plan, problem
+from seanav.filters.gravity.planning import Plan, _refuse, _sound, _step, plan, problem
 
 # Eight directions 22.5° apart; directions m and m + 4 are an orthonormal pair.
 _EAST = np.cos(np.pi / 8 * np.arange(8))
@@ -81,7 +82,7 @@ class LabelPlan:
     comparisons: int
 
     @property
-    def complete(self):
+    def complete(self) -> bool:
         """Whether the search came to its end."""
         return not self.stopped_by
 
@@ -110,7 +111,7 @@ def _gain_table(gradient, table):
                     table[i, j, k, e] = np.nextafter(np.float32(most), np.float32(np.inf))
 
 
-def gain_table(gradient):
+def gain_table(gradient: ArrayLike) -> np.ndarray:
     """Tabulate how much a walk can learn: R S_k^e for every cell, length and direction.
 
     Parameters
@@ -336,21 +337,21 @@ def _known_table(task, table):
 
 
 def plan_labels(
-    gradient,
-    spacing,
-    start,
-    goal,
-    noise,
-    P0,
-    process_noise,
-    speed,
+    gradient: ArrayLike,
+    spacing: float,
+    start: ArrayLike,
+    goal: ArrayLike,
+    noise: float,
+    P0: ArrayLike,
+    process_noise: float,
+    speed: float,
     *,
-    epsilon,
-    max_expansions=1_000_000,
-    max_comparisons=150_000_000,
-    incumbent=None,
-    table=None,
-):
+    epsilon: float,
+    max_expansions: float = 1_000_000,
+    max_comparisons: int = 150_000_000,
+    incumbent: Plan | LabelPlan | None = None,
+    table: np.ndarray | None = None,
+) -> LabelPlan:
     """Plan a walk with several labels per cell, see the module's text for the method.
 
     Parameters

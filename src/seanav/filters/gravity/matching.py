@@ -9,9 +9,10 @@ Both run in closed loop: the correction goes back into the INS, so the error lef
 an update is the error that the next step starts from.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav._compile import kernel
 from seanav.checks import ParameterError, array, choice, covariance, integer, number
@@ -65,7 +66,9 @@ def _block_gradient(table, spacing, i, j, size):
     return east / scale, north / scale
 
 
-def block_gradient(anomaly, spacing, i, j, size):
+def block_gradient(
+    anomaly: ArrayLike, spacing: float, i: int, j: int, size: int
+) -> tuple[float, ...]:
     """Slope of the plane fitted to the (2L+1) × (2L+1) nodes around node (i, j).
 
     On a plane the columns right of the centre minus those left of it add up to
@@ -205,20 +208,20 @@ def _filter(grid, spacing, truth, start, drift, noise, R, P0, Q, by_block, sigma
 
 
 def sitan(
-    anomaly,
-    spacing,
-    truth,
-    initial_error,
-    drift,
-    noise,
-    R,
-    P0,
-    Q,
+    anomaly: ArrayLike,
+    spacing: float,
+    truth: ArrayLike,
+    initial_error: ArrayLike,
+    drift: ArrayLike,
+    noise: ArrayLike,
+    R: float,
+    P0: ArrayLike,
+    Q: ArrayLike,
     *,
-    gradient="block",
-    window_sigmas=1.0,
-    largest_window=15,
-):
+    gradient: str = "block",
+    window_sigmas: float = 1.0,
+    largest_window: int = 15,
+) -> Tracks:
     """Correct the INS along a trajectory with SITAN, equations (33)–(37), in independent runs.
 
     A run depends on its own rows only: batches may be cut as one likes, to the last bit.
@@ -275,7 +278,17 @@ def _demand_finite(*results):
         raise ParameterError("the inputs of the filter", "of extreme size", allowed)
 
 
-def checked(anomaly, spacing, truth, initial_error, drift, noise, R, P0, Q):
+def checked(
+    anomaly: ArrayLike,
+    spacing: float,
+    truth: ArrayLike,
+    initial_error: ArrayLike,
+    drift: ArrayLike,
+    noise: ArrayLike,
+    R: float,
+    P0: ArrayLike,
+    Q: ArrayLike,
+) -> tuple[np.ndarray, tuple[Any, ...]]:
     """Return the inputs of a matching filter as arrays that fit together, or raise.
 
     The map comes back with its mid-range at zero. A filter sees differences of the map

@@ -6,6 +6,7 @@ the bound is a Riccati recursion with the slopes taken at the truth (paper 5, eq
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav import checks
 from seanav._compile import kernel
@@ -56,12 +57,14 @@ def _along(slopes, R, P0, Q, bound):
         bound[t, 0, 1] = bound[t, 1, 0] = en
 
 
-def deviation(noise):
+def deviation(noise: float) -> float:
     """Return the checked standard deviation of a measurement; its square is a number too."""
     return checks.number("noise", noise, above=1e-100, below=1e100)
 
 
-def _inputs(gradients, noise, P0, Q, axes):
+def _inputs(
+    gradients: ArrayLike, noise: float, P0: ArrayLike, Q: ArrayLike, axes: list[str]
+) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
     sizes = {}
     gradients = checks.array("gradients", gradients, (*axes, "steps", 2), sizes)
     noise, P0 = deviation(noise), checks.covariance("P0", P0, 2, definite=True)
@@ -83,7 +86,7 @@ def _demand_sound(bound, noise, P0, Q):
         raise checks.ParameterError("noise, P0, Q", values, allowed)
 
 
-def pcrb(gradients, noise, P0, Q):
+def pcrb(gradients: ArrayLike, noise: float, P0: ArrayLike, Q: ArrayLike) -> np.ndarray:
     """Bound the error covariance along paths, with the slopes of the map at the truth.
 
     Parameters
@@ -123,7 +126,7 @@ def pcrb(gradients, noise, P0, Q):
     return bound
 
 
-def expected_pcrb(gradients, noise, P0, Q):
+def expected_pcrb(gradients: ArrayLike, noise: float, P0: ArrayLike, Q: ArrayLike) -> np.ndarray:
     """Bound the error covariance when the truth itself is random.
 
     The information of each sample, H Hᵀ / R, is averaged over draws of the true path.
@@ -161,7 +164,7 @@ def expected_pcrb(gradients, noise, P0, Q):
     return bound
 
 
-def information(gradient, noise):
+def information(gradient: ArrayLike, noise: float) -> np.ndarray:
     """Return the information map M = √tr(Hᵀ R⁻¹ H) of paper 5, equation 19.
 
     Parameters

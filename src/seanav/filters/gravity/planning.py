@@ -9,6 +9,7 @@ import heapq
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav import checks
 from seanav._compile import kernel
@@ -127,15 +128,15 @@ class Problem:
     q: np.ndarray  # (2,) process noise of a straight and a diagonal step, m²
 
     @property
-    def R(self):
+    def R(self) -> float:
         """Variance of the measurement."""
         return self.noise**2
 
-    def nodes(self, cells):
+    def nodes(self, cells: np.ndarray) -> np.ndarray:
         """Return the nodes (east, north) of cell numbers."""
         return np.column_stack([cells % self.gradient.shape[2], cells // self.gradient.shape[2]])
 
-    def bound(self, nodes):
+    def bound(self, nodes: np.ndarray) -> np.ndarray:
         """Return the bound (k, 2, 2) along adjacent nodes (k, 2)."""
         diagonal = np.abs(np.diff(nodes, axis=0)).min(axis=1)
         q = np.concatenate([[0.0], self.q[diagonal]])
@@ -143,7 +144,16 @@ class Problem:
         return pcrb(slopes, self.noise, self.P0, q[:, None, None] * np.eye(2))
 
 
-def problem(gradient, spacing, start, goal, noise, P0, process_noise, speed):
+def problem(
+    gradient: ArrayLike,
+    spacing: float,
+    start: ArrayLike,
+    goal: ArrayLike,
+    noise: float,
+    P0: ArrayLike,
+    process_noise: float,
+    speed: float,
+) -> Problem:
     """Check the parameters of `plan` and return them as a `Problem`."""
     gradient = checks.array("gradient", gradient, (2, "north", "east"))
     cells = [_cell(name, node, gradient) for name, node in (("start", start), ("goal", goal))]
@@ -156,7 +166,7 @@ def problem(gradient, spacing, start, goal, noise, P0, process_noise, speed):
     if not _sound(P0[0, 0], P0[0, 1], P0[1, 1]):
         _refuse(noise, P0, process_noise, speed)
     q = rate * seconds * np.array([1.0, np.sqrt(2.0)])
-    return Problem(gradient, *cells, noise, P0, q)
+    return Problem(gradient, cells[0], cells[1], noise, P0, q)
 
 
 def _cell(name, node, gradient):
@@ -171,7 +181,16 @@ def _cell(name, node, gradient):
     return i * east + j
 
 
-def plan(gradient, spacing, start, goal, noise, P0, process_noise, speed):
+def plan(
+    gradient: ArrayLike,
+    spacing: float,
+    start: ArrayLike,
+    goal: ArrayLike,
+    noise: float,
+    P0: ArrayLike,
+    process_noise: float,
+    speed: float,
+) -> Plan:
     """Plan a path with the A* of paper 5 over eight neighbours.
 
     G sums the trace of the bound over the nodes after the start, the heuristic is the

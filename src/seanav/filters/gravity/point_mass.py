@@ -8,6 +8,7 @@ linearisation is made: what remains is the width of a cell, and the edge of the 
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav._compile import kernel
 from seanav.checks import ParameterError, number
@@ -179,8 +180,19 @@ def _posterior(grid, spacing, truth, start, drift, noise, R, prior, a, b, cell):
 
 
 def point_mass(
-    anomaly, spacing, truth, initial_error, drift, noise, R, P0, Q, *, cell=100.0, span_sigmas=4.5
-):
+    anomaly: ArrayLike,
+    spacing: float,
+    truth: ArrayLike,
+    initial_error: ArrayLike,
+    drift: ArrayLike,
+    noise: ArrayLike,
+    R: float,
+    P0: ArrayLike,
+    Q: ArrayLike,
+    *,
+    cell: float = 100.0,
+    span_sigmas: float = 4.5,
+) -> tuple[np.ndarray, ...]:
     """Posterior mean and covariance of the position, for a batch of independent runs.
 
     Discretisation: cells of width `cell` around the INS position, out to `span_sigmas`
@@ -221,14 +233,15 @@ def point_mass(
     Applications*, thesis, Linköping University, 1999 (point-mass filter).
     """
     grid, inputs = checked(anomaly, spacing, truth, initial_error, drift, noise, R, P0, Q)
-    spacing, truth, initial_error, drift, noise, R, P0, Q = inputs
+    *given, prior_P, drift_Q = inputs
     cell = number("cell", cell, above=0, at_most=1e7)
     span = number("span_sigmas", span_sigmas, above=0)
-    prior = _prior(P0, cell, span)
-    if Q[0, 1] != 0.0 or Q.max() > cell**2:
-        raise ParameterError("Q", Q.tolist(), f"must be diagonal and at most cell² = {cell**2:g}")
-    a, b = Q.diagonal() / (2.0 * cell**2)
-    results = _posterior(grid, spacing, truth, initial_error, drift, noise, R, prior, a, b, cell)
+    prior = _prior(prior_P, cell, span)
+    if drift_Q[0, 1] != 0.0 or drift_Q.max() > cell**2:
+        allowed = f"must be diagonal and at most cell² = {cell**2:g}"
+        raise ParameterError("Q", drift_Q.tolist(), allowed)
+    a, b = drift_Q.diagonal() / (2.0 * cell**2)
+    results = _posterior(grid, *given, prior, a, b, cell)
     _demand_finite(*results)
     return results
 

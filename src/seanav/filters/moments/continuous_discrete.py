@@ -6,13 +6,17 @@ Joseph form. With the closure ``"ekf"`` this is the continuous–discrete EKF, w
 ``"gaussian"`` the filter of paper 1. The particle filter is the reference.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav import checks
 from seanav._compile import kernel
 from seanav.checks import ParameterError
+from seanav.filters.moments.generated import Propagator, Simulator
 
 MAX_PARTICLES = 1_000_000
 
@@ -91,7 +95,15 @@ def _update(mean, P, predicted, H, R, z, nis):
                 P[run, i, j] = P[run, j, i] = total
 
 
-def update(mean, P, z, R, H, predicted=None, spread=None):
+def update(
+    mean: ArrayLike,
+    P: np.ndarray,
+    z: ArrayLike,
+    R: Any,
+    H: ArrayLike | None,
+    predicted: ArrayLike | None = None,
+    spread: ArrayLike | None = None,
+) -> np.ndarray:
     """Correct `mean` and `P` in place with a measurement; return the NIS, shape (runs,).
 
     Parameters
@@ -173,7 +185,10 @@ class Track:
     nis: np.ndarray
 
 
-def _prepared(x0, P0, z, interval, step, R, H, *, cloud):
+def _prepared(
+    x0: ArrayLike, P0: ArrayLike, z: ArrayLike, interval: float, step: float, R: Any, H: Any, *,
+    cloud: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any, Any, int]:  # fmt: skip
     """Return the checked arguments that all filters share, and the steps of an interval.
 
     A `cloud` of particles is drawn from P0 and weighed by R and an array H.
@@ -210,8 +225,18 @@ def _set_aside(mean, P, gone, limit, x0, P0):
 
 
 def run(
-    propagate, x0, P0, z, interval, step, R=None, H=None, forces=None, parameters=(), limit=1e100
-):
+    propagate: Propagator,
+    x0: ArrayLike,
+    P0: ArrayLike,
+    z: np.ndarray,
+    interval: float,
+    step: float,
+    R: Any = None,
+    H: Any = None,
+    forces: Callable | None = None,
+    parameters: ArrayLike = (),
+    limit: float = 1e100,
+) -> Track | None:
     """Run a continuous–discrete filter on a batch of measurement records.
 
     Parameters
@@ -286,7 +311,7 @@ def _systematic(weights, offset):
     return chosen
 
 
-def systematic(weights, offset):
+def systematic(weights: ArrayLike, offset: float) -> np.ndarray:
     """Return the indices of systematic resampling, (particles,).
 
     Parameters
@@ -310,20 +335,20 @@ def systematic(weights, offset):
 
 
 def particle_filter(
-    simulate,
-    x0,
-    P0,
-    z,
-    interval,
-    step,
-    R,
-    H,
-    generators,
-    particles,
-    forces=None,
-    parameters=(),
-    limit=1e100,
-):
+    simulate: Simulator,
+    x0: ArrayLike,
+    P0: ArrayLike,
+    z: np.ndarray,
+    interval: float,
+    step: float,
+    R: Any,
+    H: Any,
+    generators: Sequence,
+    particles: int,
+    forces: Callable | None = None,
+    parameters: tuple = (),
+    limit: float = 1e100,
+) -> Track:
     """Run a bootstrap particle filter on each record, systematic resampling at each sample.
 
     Parameters

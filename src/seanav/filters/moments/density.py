@@ -1,8 +1,10 @@
 """The Fokker–Planck equation of two states on a dense grid: a reference for closed moments."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
@@ -20,7 +22,7 @@ class Density:
     y: np.ndarray
     p: np.ndarray
 
-    def moments(self):
+    def moments(self) -> tuple[np.ndarray, ...]:
         """Return mean (2,), covariance (2, 2) and third central moments of both axes (2,)."""
         p = self.p / self.p.sum()
         grid = np.meshgrid(self.x, self.y, indexing="ij")
@@ -30,7 +32,16 @@ class Density:
         return mean, P, np.array([(a**3 * p).sum() for a in off])
 
 
-def fokker_planck(drift, spread, mean, P, duration, half_widths, nodes=121, steps=200) -> Density:
+def fokker_planck(
+    drift: Callable,
+    spread: ArrayLike,
+    mean: ArrayLike,
+    P: ArrayLike,
+    duration: float,
+    half_widths: ArrayLike,
+    nodes: int = 121,
+    steps: int = 200,
+) -> Density:
     """Solve the Fokker–Planck equation of two states on a dense grid.
 
     Finite volumes with centred fluxes, nothing flows through the border; Crank–Nicolson
@@ -89,4 +100,4 @@ def fokker_planck(drift, spread, mean, P, duration, half_widths, nodes=121, step
     p /= p.sum()
     for _ in range(steps):
         p = solve(forward @ p)
-    return Density(*axes, p.reshape(nodes, nodes))
+    return Density(axes[0], axes[1], p.reshape(nodes, nodes))

@@ -8,6 +8,7 @@ second are. What comes out are SymPy expressions; `seanav.filters.moments.genera
 the same expressions, so the equation that is printed is the function that runs.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
@@ -33,7 +34,7 @@ MAX_CURVATURE = 300  # terms in the second derivatives of a measurement
 # ---------------------------------------------------------------- operators
 
 
-def backward(model: System, phi):
+def backward(model: System, phi: sp.Expr) -> sp.Expr:
     """Return L φ = Σ f_i ∂_i φ + ½ Σ (G Gᵀ)_ij ∂_i ∂_j φ, the Kolmogorov backward operator."""
     x, spread = model.states, model.spread
     first = sum(f * sp.diff(phi, xi) for f, xi in zip(model.drift, x, strict=True))
@@ -42,7 +43,7 @@ def backward(model: System, phi):
     return first + second / 2
 
 
-def forward(model: System, p):
+def forward(model: System, p: sp.Expr) -> sp.Expr:
     """Return L* p = −Σ ∂_i (f_i p) + ½ Σ ∂_i ∂_j ((G Gᵀ)_ij p), the Fokker–Planck operator."""
     x, spread = model.states, model.spread
     first = sum(sp.diff(f * p, xi) for f, xi in zip(model.drift, x, strict=True))
@@ -51,7 +52,7 @@ def forward(model: System, p):
     return second / 2 - first
 
 
-def characteristic(model: System):
+def characteristic(model: System) -> tuple:
     """Return (s, K): d/dt ⟨e^{s·x}⟩ = ⟨K(s, x) e^{s·x}⟩, by letting L act on e^{s·x}.
 
     Exact. Derivatives with respect to s at s = 0 are the moment equations (8)–(9).
@@ -65,7 +66,7 @@ def characteristic(model: System):
 
 
 @cache
-def pairings(indices):
+def pairings(indices: tuple) -> tuple:
     """Return all ways to pair up `indices`, a tuple of tuples of pairs (Isserlis)."""
     if not indices:
         return ((),)
@@ -80,7 +81,7 @@ def pairings(indices):
 
 
 @cache
-def isserlis(indices, P):
+def isserlis(indices: tuple, P: sp.Matrix) -> sp.Expr:
     """Return the central moment ⟨e_i e_j …⟩ of a Gaussian with covariance matrix `P`.
 
     L. Isserlis, "On a formula for the product-moment coefficient of any order of a
@@ -89,7 +90,7 @@ def isserlis(indices, P):
     return sp.Add(*(sp.Mul(*(P[i, j] for i, j in pairing)) for pairing in pairings(indices)))
 
 
-def central_moment(model: System, indices):
+def central_moment(model: System, indices: tuple) -> sp.Expr:
     """Return the symbol of a central moment: 1, 0, an entry of P, or mu_… beyond."""
     if len(indices) < 2:
         return sp.Integer(1 - len(indices))
@@ -101,7 +102,7 @@ def central_moment(model: System, indices):
     return model.own("mu_", names, "_", unclear, real=True)
 
 
-def expectation(model: System, expression, moment=central_moment):
+def expectation(model: System, expression: sp.Expr, moment: Callable = central_moment) -> sp.Expr:
     """Return ⟨expression⟩ of a polynomial, by expansion about the mean.
 
     Parameters
@@ -142,7 +143,7 @@ def _raw_moment(model, powers, moment):
     return sp.Add(*total)
 
 
-def gaussian_moment(model: System, indices):
+def gaussian_moment(model: System, indices: tuple) -> sp.Expr:
     """Return the central moment of a Gaussian: for `expectation`."""
     return isserlis(indices, model.covariance)
 
@@ -252,14 +253,14 @@ def _gaussian(model):
     return Moments(model, sp.ImmutableMatrix(mean_rate), sp.ImmutableMatrix(rate), "gaussian")
 
 
-def signed_square_mean(m, variance):
+def signed_square_mean(m: sp.Expr, variance: sp.Expr) -> sp.Expr:
     """Return E[x|x|] of x ~ N(m, variance): (m²+s²)(2Φ(m/s)−1) + 2 m s φ(m/s)."""
     s = sp.sqrt(variance)
     density = sp.exp(-(m**2) / (2 * variance)) / sp.sqrt(2 * sp.pi)
     return (m**2 + variance) * sp.erf(m / (sp.sqrt(2) * s)) + 2 * m * s * density
 
 
-def signed_square_slope(m, variance):
+def signed_square_slope(m: sp.Expr, variance: sp.Expr) -> sp.Expr:
     """Return E[2|x|] of x ~ N(m, variance), the derivative of `signed_square_mean` by m."""
     s = sp.sqrt(variance)
     density = sp.exp(-(m**2) / (2 * variance)) / sp.sqrt(2 * sp.pi)
@@ -290,7 +291,7 @@ class Measurement:
     spread: sp.ImmutableMatrix
 
 
-def measurement(model: System, h) -> Measurement:
+def measurement(model: System, h: Sequence) -> Measurement:
     """Return the second-order expansion of a measurement, given as text or SymPy.
 
     Raises
@@ -307,18 +308,20 @@ def measurement(model: System, h) -> Measurement:
     entries = entries if isinstance(entries, (list, tuple)) else [entries]
     if not 1 <= len(entries) <= MAX_STATES:
         raise ParameterError("h", len(entries), f"must have 1 to {MAX_STATES} entries")
-    h = sp.Matrix([formula(f"h[{i}]", entry, model.known) for i, entry in enumerate(entries)])
-    h = h.applyfunc(lambda entry: entry.replace(sp.Abs, Magnitude))
+    formulas = sp.Matrix(
+        [formula(f"h[{i}]", entry, model.known) for i, entry in enumerate(entries)]
+    )
+    formulas = formulas.applyfunc(lambda entry: entry.replace(sp.Abs, Magnitude))
     P = model.covariance
-    curves = [model.at_mean(sp.hessian(entry, model.states)) for entry in h]
+    curves = [model.at_mean(sp.hessian(entry, model.states)) for entry in formulas]
     terms = sum(len(sp.Add.make_args(sp.expand(e))) for curve in curves for e in curve if e != 0)
     integer("terms in the second derivatives of h", terms, at_least=0, at_most=MAX_CURVATURE)
     bends = [curve * P for curve in curves]
-    predicted = model.at_mean(h) + sp.Matrix([bend.trace() / 2 for bend in bends])
+    predicted = model.at_mean(formulas) + sp.Matrix([bend.trace() / 2 for bend in bends])
     spread = sp.Matrix(len(bends), len(bends), lambda a, b: (bends[a] * bends[b]).trace() / 2)
     return Measurement(
         model,
         sp.ImmutableMatrix(predicted),
-        sp.ImmutableMatrix(model.at_mean(h.jacobian(model.states))),
+        sp.ImmutableMatrix(model.at_mean(formulas.jacobian(model.states))),
         sp.ImmutableMatrix(spread.applyfunc(sp.expand)),
     )

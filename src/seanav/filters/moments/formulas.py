@@ -8,12 +8,14 @@ build is counted before it is built, so no formula is too long to wait for.
 
 import math
 import re
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from itertools import islice
 from numbers import Rational, Real
+from typing import Any
 
 import sympy as sp
 
@@ -41,7 +43,7 @@ FUNCTIONS = {
 class Sign(sp.Function):
     """Sign of a state; its derivative is taken as 0, which is right except at 0."""
 
-    def fdiff(self, argindex=1):
+    def fdiff(self, argindex: int = 1) -> sp.Expr:
         """Return the derivative."""
         return sp.Integer(0)
 
@@ -49,7 +51,7 @@ class Sign(sp.Function):
 class Magnitude(sp.Function):
     """|x| with the derivative sign(x)."""
 
-    def fdiff(self, argindex=1):
+    def fdiff(self, argindex: int = 1) -> sp.Expr:
         """Return the derivative."""
         return Sign(self.args[0])
 
@@ -57,7 +59,7 @@ class Magnitude(sp.Function):
 class SignedSquare(sp.Function):
     """x|x|, the quadratic drag law, with the derivative 2|x|."""
 
-    def fdiff(self, argindex=1):
+    def fdiff(self, argindex: int = 1) -> sp.Expr:
         """Return the derivative."""
         return 2 * Magnitude(self.args[0])
 
@@ -71,7 +73,7 @@ _TOKEN = re.compile(
 )
 
 
-def symbols(name: str, names) -> tuple[sp.Symbol, ...]:
+def symbols(name: str, names: Any) -> tuple[sp.Symbol, ...]:
     """Return real symbols of different names, given as text or list, else `ParameterError`.
 
     A name is what Python calls an identifier, keywords included: nothing here is a program.
@@ -90,7 +92,7 @@ def symbols(name: str, names) -> tuple[sp.Symbol, ...]:
     return tuple(sp.Symbol(x, real=True) for x in found)
 
 
-def formula(name: str, given, known) -> sp.Expr:
+def formula(name: str, given: Any, known: Sequence) -> sp.Expr:
     """Return the formula `given` as text, number or SymPy expression in `known` symbols.
 
     Text is read as Python would read it: numbers, decimals being exact fractions, names,
@@ -121,7 +123,7 @@ def formula(name: str, given, known) -> sp.Expr:
         raise ParameterError(name, shown(given), str(reason)) from None
 
 
-def number(name: str, given) -> sp.Rational:
+def number(name: str, given: Any) -> sp.Rational:
     """Return `given`, a real number or its text (also ``"1/3"``), as an exact fraction."""
     value = formula(name, given, ())
     if not value.is_Rational:
@@ -129,7 +131,7 @@ def number(name: str, given) -> sp.Rational:
     return value
 
 
-def shown(value) -> str:
+def shown(value: Any) -> str:
     """Return what an error message shows of something that a user handed in."""
     if isinstance(value, sp.Basic):
         # Printing would take for ever where parts are shared.

@@ -17,6 +17,7 @@ import uuid
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav import _compile
 from seanav.checks import ParameterError, array, in_place, integer, number
@@ -83,7 +84,7 @@ def _known(model, inputs, parameters, *rows):
     return inputs, array(f"parameters ({names[1]})", parameters, (len(model.parameters),))
 
 
-def steps_within(duration, step):
+def steps_within(duration: float, step: float) -> int:
     """Return the number of equal steps of at most `step` in `duration`, at most `MAX_STEPS`."""
     number("step", step, above=0)
     ratio = number("duration", duration, above=0) / float(step)
@@ -108,7 +109,13 @@ class Propagator(_Compiled):
         super().__init__(propagator_source(moments))
         self.moments = moments
 
-    def rates(self, mean, P, inputs=None, parameters=()):
+    def rates(
+        self,
+        mean: ArrayLike,
+        P: ArrayLike,
+        inputs: ArrayLike | None = None,
+        parameters: ArrayLike = (),
+    ) -> tuple[np.ndarray, ...]:
         """Return d(mean)/dt (n,) and dP/dt (n, n) at one point.
 
         Parameters
@@ -132,7 +139,15 @@ class Propagator(_Compiled):
             rate[i, j] = rate[j, i] = packed[n + k]
         return packed[:n], rate
 
-    def __call__(self, mean, P, duration, step, inputs=None, parameters=()):
+    def __call__(
+        self,
+        mean: ArrayLike,
+        P: ArrayLike,
+        duration: float,
+        step: float,
+        inputs: ArrayLike | None = None,
+        parameters: ArrayLike = (),
+    ) -> None:
         """Advance mean and covariance together over `duration`, in place.
 
         Parameters
@@ -171,7 +186,15 @@ class Simulator(_Compiled):
         super().__init__(simulator_source(model))
         self.model = model
 
-    def __call__(self, x, noise, step, inputs=None, parameters=(), keep=1):
+    def __call__(
+        self,
+        x: ArrayLike,
+        noise: ArrayLike,
+        step: float,
+        inputs: ArrayLike | None = None,
+        parameters: ArrayLike = (),
+        keep: int = 1,
+    ) -> np.ndarray:
         """Advance `x` (runs, n) in place; return the track (runs, steps/keep + 1, n).
 
         `noise` (runs, steps, noises) are standard normals; `inputs` (steps + 1, inputs);
@@ -201,7 +224,13 @@ class Predictor(_Compiled):
         super().__init__(measurement_source(measurement))
         self.measurement = measurement
 
-    def __call__(self, mean, P, inputs=None, parameters=()):
+    def __call__(
+        self,
+        mean: ArrayLike,
+        P: ArrayLike,
+        inputs: np.ndarray | None = None,
+        parameters: ArrayLike = (),
+    ) -> tuple[np.ndarray, ...]:
         """Return predicted (runs, k), H (runs, k, n) and second-order spread (runs, k, k).
 
         `inputs` are (inputs,) or (1, inputs).

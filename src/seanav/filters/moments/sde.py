@@ -6,6 +6,8 @@ its moment equations.
 """
 
 from collections import Counter
+from collections.abc import Sequence
+from typing import Any
 
 import attrs
 import numpy as np
@@ -73,11 +75,18 @@ class System:
         return sp.ImmutableMatrix(n, n, lambda i, j: entry[min(i, j), max(i, j)])
 
     @property
-    def known(self):
+    def known(self) -> tuple:
         """Every symbol that a user declared: states, inputs, parameters."""
         return (*self.states, *self.inputs, *self.parameters)
 
-    def own(self, prefix, names, joint="", unclear=False, **assumptions):
+    def own(
+        self,
+        prefix: str,
+        names: list[str],
+        joint: str = "",
+        unclear: bool = False,
+        **assumptions: Any,
+    ) -> sp.Symbol:
         """Return a symbol of ours: prefix and names, such as m_u or P_uv.
 
         Where a user declared that name, or it is `unclear`, it is written m_(u), P_(u,v).
@@ -89,17 +98,19 @@ class System:
         return sp.Symbol(name, **assumptions)
 
     @property
-    def spread(self):
+    def spread(self) -> sp.Matrix:
         """G Gᵀ, shape (n, n), in the states."""
         return sp.ImmutableMatrix((self.diffusion * self.diffusion.T).applyfunc(sp.expand))
 
-    def at_mean(self, expression):
+    def at_mean(self, expression: sp.Expr) -> sp.Expr:
         """Return `expression` with the states replaced by the mean."""
         pairs = dict(zip(self.states, self.mean, strict=True))
         return expression.xreplace(pairs)
 
 
-def system(states, drift, diffusion, inputs="", parameters="") -> System:
+def system(
+    states: Any, drift: Any, diffusion: Any, inputs: Any = "", parameters: Any = ""
+) -> System:
     """Read a stochastic differential equation given as text or SymPy expressions.
 
     Parameters
@@ -165,7 +176,7 @@ def _entries(given):
     return list(given) if isinstance(given, (list, tuple)) else [given]
 
 
-def monomials(expression, states):
+def monomials(expression: sp.Expr, states: tuple) -> list:
     """Return [(coefficient, powers of the states), …] of a polynomial in the states."""
     out = []
     for term in sp.Add.make_args(sp.expand(expression)):
@@ -175,7 +186,9 @@ def monomials(expression, states):
     return out
 
 
-def demand_polynomial(name, expression, states, at_most, allowed=POLYNOMIAL):
+def demand_polynomial(
+    name: str, expression: sp.Expr, states: tuple, at_most: int, allowed: str = POLYNOMIAL
+) -> None:
     """Raise `ParameterError` if this is no polynomial of a degree up to `at_most`."""
     if not expression.is_polynomial(*states):
         raise ParameterError(name, shown(expression), allowed)
@@ -193,7 +206,7 @@ def _with_signed_squares(expression, states):
     return expression
 
 
-def split(name, expression, states):
+def split(name: str, expression: sp.Expr, states: tuple) -> tuple:
     """Return the polynomial part and {x: coefficient} of the terms c x|x|."""
     polynomial, squares = expression, {}
     for atom in sorted(expression.atoms(SignedSquare), key=str):
@@ -209,7 +222,7 @@ def split(name, expression, states):
 # ---------------------------------------------------------------- observability
 
 
-def observability(model: System, h, point: dict, orders: int = 8) -> list[int]:
+def observability(model: System, h: Sequence, point: dict, orders: int = 8) -> list[int]:
     """Return the exact rank of the first 1, 2, … Lie derivatives' gradients at a point.
 
     The k-th Taylor coefficient of the output along the noise-free solution is the k-th

@@ -149,7 +149,7 @@ def _collected(rates, covariance, fresh):
     return out, {symbol: coefficient for coefficient, symbol in shared.items()}
 
 
-def triangle(n):
+def triangle(n: int) -> list:
     """Return the index pairs (i, j), i ≤ j, in the order of the packed covariance."""
     return [(i, j) for i in range(n) for j in range(i, n)]
 

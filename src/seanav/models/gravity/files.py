@@ -282,8 +282,14 @@ def _in_mgal(values, unit, map_unit, source, label):
 
 
 def from_file(
-    path, latitude_deg, longitude_deg, size=101, spacing=1000.0, variable=None, unit="file"
-):
+    path: str | Path,
+    latitude_deg: float,
+    longitude_deg: float,
+    size: int = 101,
+    spacing: float = 1000.0,
+    variable: str | int | None = None,
+    unit: str = "file",
+) -> GravityMap:
     """Gravity map cut from a grid in a file.
 
     NetCDF 3 or 4 (HDF5) with one-dimensional ``lat``/``lon``, ``latitude``/``longitude`` or

@@ -1,5 +1,7 @@
 """Gravity anomaly of a geoid, by Fourier transform on a flat earth."""
 
+from typing import Any
+
 import japan_geoid
 import numpy as np
 from scipy import fft
@@ -27,7 +29,12 @@ SOURCE = (
 )
 
 
-def vertical_gradient(disturbance, north_spacing, east_spacing, shape=None):
+def vertical_gradient(
+    disturbance: np.ndarray,
+    north_spacing: float,
+    east_spacing: float,
+    shape: tuple[int, ...] | None = None,
+) -> np.ndarray:
     """Differentiate a potential given on a plane downward: the operator |k|.
 
     A harmonic potential that vanishes high above the plane decays as exp(−|k| z), so its
@@ -55,7 +62,7 @@ def vertical_gradient(disturbance, north_spacing, east_spacing, shape=None):
     return derivative[: disturbance.shape[0], : disturbance.shape[1]]
 
 
-def without_trend(values):
+def without_trend(values: np.ndarray) -> np.ndarray:
     """Values of a grid less their least-squares quadratic surface.
 
     Parameters
@@ -73,7 +80,9 @@ def without_trend(values):
     return values - (surface @ coefficients).reshape(values.shape)
 
 
-def anomaly_of_undulation(undulation, north_spacing, east_spacing):
+def anomaly_of_undulation(
+    undulation: np.ndarray, north_spacing: float, east_spacing: float
+) -> np.ndarray:
     """Free-air anomaly of a window of a geoid, flat-earth approximation.
 
     With T = γN (Bruns) the anomaly is Δg = −∂T/∂r − 2T/r: in the plane
@@ -119,7 +128,12 @@ def _window(name, degrees, coverage, per_degree):
     return coverage[0] + np.arange(first, first + count) / per_degree
 
 
-def from_geoid(latitude_deg=18.8, longitude_deg=128.0, size=101, spacing=1000.0):
+def from_geoid(
+    latitude_deg: float = 18.8,
+    longitude_deg: float = 128.0,
+    size: int = 101,
+    spacing: float = 1000.0,
+) -> GravityMap:
     """Real gravity map, computed from the geoid around Japan and the open Pacific.
 
     `anomaly_of_undulation` on a window of ±3.5°, then a cubic spline to the nodes. The
@@ -158,7 +172,7 @@ def from_geoid(latitude_deg=18.8, longitude_deg=128.0, size=101, spacing=1000.0)
         allowed = f"must keep the map within {sound:g}° of its centre (spacing {spacing:g} m)"
         raise ParameterError("map_size", size, allowed)
 
-    undulation = japan_geoid.load_embedded_jpgeo2024().get_heights(
+    undulation: Any = japan_geoid.load_embedded_jpgeo2024().get_heights(
         *np.meshgrid(longitude, latitude)
     )
     if np.isnan(undulation).any():

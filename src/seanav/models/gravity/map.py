@@ -1,8 +1,10 @@
 """Gravity anomaly on a flat kilometre grid, and how to read it between the nodes."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav import checks
 from seanav._compile import kernel
@@ -56,7 +58,15 @@ class GravityMap:
             object.__setattr__(self, "centre", _place("centre", self.centre))
 
     @classmethod
-    def from_mgal(cls, anomaly_mgal, spacing, *, name, source, centre=None):
+    def from_mgal(
+        cls,
+        anomaly_mgal: ArrayLike,
+        spacing: float,
+        *,
+        name: str,
+        source: str,
+        centre: tuple[float, float] | None = None,
+    ) -> Self:
         """Map of values in mGal, rounded to a millionth of a milligal.
 
         The Fourier transforms and splines behind a map differ in their last digit between
@@ -83,12 +93,12 @@ class GravityMap:
         return cls(rounded * MGAL, spacing, name, source, centre)
 
     @property
-    def anomaly_mgal(self):
+    def anomaly_mgal(self) -> np.ndarray:
         """Anomaly in mGal, shape (north, east)."""
         return self.anomaly / MGAL
 
     @property
-    def extent(self):
+    def extent(self) -> tuple[float, ...]:
         """Length of the map's sides (east, north), m."""
         north, east = self.anomaly.shape
         return (east - 1) * self.spacing, (north - 1) * self.spacing
@@ -108,7 +118,7 @@ def _place(name, value):
     return number(f"latitude of {name}", latitude, at_least=-89, at_most=89), longitude
 
 
-def gradient(gravity_map):
+def gradient(gravity_map: GravityMap) -> np.ndarray:
     """Gradient of the anomaly at the nodes, by differences.
 
     Central differences inside, second-order one-sided differences on the border; exact for
@@ -176,7 +186,7 @@ def _bilinear_many(grids, spacing, points, values):
             values[n, k] = _bilinear(grids[k], spacing, points[n, 0], points[n, 1])
 
 
-def interpolate(grid, spacing, points):
+def interpolate(grid: ArrayLike, spacing: float, points: ArrayLike) -> np.ndarray:
     """Bilinear values of a grid, or of each grid of a stack, at many points.
 
     Parameters
@@ -220,7 +230,9 @@ def _radii(latitude_deg):
     return meridian, prime_vertical
 
 
-def geodetic_to_local(latitude_deg, longitude_deg, centre):
+def geodetic_to_local(
+    latitude_deg: ArrayLike, longitude_deg: ArrayLike, centre: tuple[float, float]
+) -> tuple:
     """East and north distance from a centre.
 
     Parameters
@@ -251,7 +263,7 @@ def geodetic_to_local(latitude_deg, longitude_deg, centre):
     return east, north
 
 
-def local_to_geodetic(east, north, centre):
+def local_to_geodetic(east: ArrayLike, north: ArrayLike, centre: tuple[float, float]) -> tuple:
     """Latitude and longitude of points given by their distance from a centre.
 
     The inverse of `geodetic_to_local`.
@@ -281,7 +293,7 @@ def local_to_geodetic(east, north, centre):
     return latitude, centre[1] + np.degrees(east / across)
 
 
-def square_nodes(centre, size, spacing):
+def square_nodes(centre: tuple[float, float], size: int, spacing: float) -> tuple[np.ndarray, ...]:
     """Latitudes of the rows and longitudes of the columns of a square map.
 
     Parameters

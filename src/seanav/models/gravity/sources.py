@@ -10,8 +10,12 @@ from seanav.models.gravity.map import MOST_NODES, GravityMap
 
 
 def synthetic(
-    seed=1, correlation_length=14e3, standard_deviation_mgal=14.0, size=101, spacing=1000.0
-):
+    seed: int = 1,
+    correlation_length: float = 14e3,
+    standard_deviation_mgal: float = 14.0,
+    size: int = 101,
+    spacing: float = 1000.0,
+) -> GravityMap:
     """Stationary Gaussian random field with a Gaussian covariance.
 
     The covariance is σ² exp(−r²/2ℓ²), so each component of the gradient has the variance
@@ -71,18 +75,18 @@ def synthetic(
 
 
 def load(
-    source="geoid",
+    source: str = "geoid",
     *,
-    latitude_deg=18.8,
-    longitude_deg=128.0,
-    size=101,
-    spacing=1000.0,
-    variable=None,
-    unit="file",
-    correlation_length=14e3,
-    standard_deviation_mgal=14.0,
-    seed=1,
-):
+    latitude_deg: float = 18.8,
+    longitude_deg: float = 128.0,
+    size: int = 101,
+    spacing: float = 1000.0,
+    variable: str | None = None,
+    unit: str = "file",
+    correlation_length: float = 14e3,
+    standard_deviation_mgal: float = 14.0,
+    seed: int = 1,
+) -> GravityMap:
     """Gravity map from whichever source a notebook names.
 
     The notebook's parameters are these with ``map_`` before them, and so the errors say.

@@ -10,6 +10,7 @@ from seanav.models import gravity, paths
 from seanav.models.gravity import sources
 from seanav.models.units import KM
 from seanav.studies.gravity_planning import run
+from seanav.studies.gravity_planning.scenario import Scenario
 from seanav.studies.gravity_planning.scores import exp
 
 FAN_KM = (27.5, 22.0, 16.5, 11.0, 5.5, -5.5, -11.0, -16.5, -22.0, -27.5)
@@ -18,7 +19,7 @@ MARGIN = 5  # nodes between a start or goal and the border
 CLOSEST = 30  # nodes between a start and its goal, at least
 
 
-def maps(scenario, chart):
+def maps(scenario: Scenario, chart: gravity.GravityMap) -> dict[str, gravity.GravityMap]:
     """Return the three maps of the study: the scenario's, a second real one and a synthetic one."""
     latitude, longitude = SECOND_WINDOW_DEG
     return {
@@ -28,7 +29,7 @@ def maps(scenario, chart):
     }
 
 
-def draw_pairs(scenario, chart, name):
+def draw_pairs(scenario: Scenario, chart: gravity.GravityMap, name: str) -> list:
     """Draw start and goal nodes, uniform on the map but for a margin and a least distance."""
     north, east = chart.anomaly.shape
     stream = montecarlo.streams(scenario.seed, f"pairs on {name}", 1)[0]
@@ -51,7 +52,7 @@ class Bounds:
     length_ratio: float  # planned over direct
 
 
-def bounds(scenario, chart, pair, noise_mgal):
+def bounds(scenario: Scenario, chart: gravity.GravityMap, pair: tuple, noise_mgal: float) -> Bounds:
     """Plan one pair with A* and return its `Bounds`."""
 
     def total(points):
@@ -82,7 +83,9 @@ class Comparison:
     dropped: int
 
 
-def compare(scenario, chart, noise, pair, table):
+def compare(
+    scenario: Scenario, chart: gravity.GravityMap, noise: run.Noise, pair: tuple, table: np.ndarray
+) -> Comparison:
     """Plan one pair both ways and run SITAN on both plans, the best bow and the direct path.
 
     `table` is the map's `seanav.filters.gravity.labels.gain_table`.
@@ -113,7 +116,7 @@ def compare(scenario, chart, noise, pair, table):
 # All pairs, in parallel -----------------------------------------------------------------
 
 
-def all_bounds(scenario, maps):
+def all_bounds(scenario: Scenario, maps: dict[str, gravity.GravityMap]) -> dict:
     """Return the `Bounds` of every pair: {(map, mGal): [Bounds, …]}."""
     jobs = [
         (name, mgal, pair)
@@ -130,7 +133,9 @@ def all_bounds(scenario, maps):
     return grouped
 
 
-def all_comparisons(scenario, maps, noise):
+def all_comparisons(
+    scenario: Scenario, maps: dict[str, gravity.GravityMap], noise: run.Noise
+) -> dict[str, list[Comparison]]:
     """Return the `Comparison` of the first `label_pairs` pairs of every map: {map: […]}."""
     tables = {name: labels.gain_table(gravity.gradient(chart)) for name, chart in maps.items()}
     jobs = [
@@ -152,13 +157,13 @@ def all_comparisons(scenario, maps, noise):
 # Tables ---------------------------------------------------------------------------------
 
 
-def share_won(results):
+def share_won(results: list[Bounds]) -> estimates.Estimate:
     """Return the share of pairs whose plan beats the bows and the direct path by PCRB."""
     wins = sum(one.planned < min(one.fan, one.direct) for one in results)
     return estimates.share(wins, len(results))
 
 
-def share_table(grouped):
+def share_table(grouped: dict) -> list:
     """Return rows (map, mGal, share, low, high, median over the best, length, dropped)."""
     rows = []
     for (name, mgal), results in grouped.items():
@@ -170,7 +175,7 @@ def share_table(grouped):
     return rows
 
 
-def cost_table(grouped):
+def cost_table(grouped: dict[str, list[Comparison]]) -> list:
     """Return rows (map, median and largest cost ratio, RMSE ratio with interval).
 
     The ratio of the RMSE sums, A* over multi-label, is a geometric mean over the pairs.
@@ -182,12 +187,12 @@ def cost_table(grouped):
             np.log(one.scores["Planned"].total.value / one.scores["Labels"].total.value)
             for one in results
         ]
-        gain = exp(estimates.mean(logs))
+        gain = exp(estimates.mean(np.array(logs)))
         rows.append((name, np.median(costs), max(costs), gain.value, gain.low, gain.high))
     return rows
 
 
-def bound_table(grouped):
+def bound_table(grouped: dict[str, list[Comparison]]) -> list:
     """Return rows (map, path, geometric mean, least and largest RMSE/PCRB, diverged in 1000)."""
     rows = []
     for name, results in grouped.items():
@@ -215,7 +220,9 @@ class Case:
     length: float
 
 
-def methods(scenario, chart, noise, cases):
+def methods(
+    scenario: Scenario, chart: gravity.GravityMap, noise: run.Noise, cases: dict[str, np.ndarray]
+) -> dict[str, Case]:
     """Run SITAN, the point-gradient EKF and the point-mass filter on named paths.
 
     `cases` maps a name to points (samples, 2). Returns {name: `Case`}.
@@ -233,7 +240,7 @@ def methods(scenario, chart, noise, cases):
     return done
 
 
-def method_table(cases):
+def method_table(cases: dict[str, Case]) -> list:
     """Return rows (case, method, sum of RMSE with interval, sum of medians, diverged); km."""
     rows = []
     for name, case in cases.items():

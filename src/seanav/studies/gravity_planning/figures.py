@@ -1,15 +1,21 @@
 """The drawings of paper 5; each function returns a matplotlib figure and computes nothing new."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from seanav.models.gravity.map import GravityMap
 from seanav.models.units import KM, MGAL
+from seanav.studies.gravity_planning.beyond import Case, Comparison
+from seanav.studies.gravity_planning.scores import Score
 
 MARKERS = "osv^<>DPXd*"
 
 
-def style(name, index):
+def style(name: str, index: int) -> dict[str, Any]:
     """Return the line style of a path: planned and direct stand out, bows differ in grey too."""
     if name == "Planned":
         return {"color": "black", "linewidth": 2.4, "zorder": 5}
@@ -24,7 +30,7 @@ def style(name, index):
     }
 
 
-def hidden_markov():
+def hidden_markov() -> Figure:
     """Draw the hidden Markov model of gravity-aided navigation."""
     fig, ax = plt.subplots(figsize=(7.0, 2.9))
     steps = ("t-1", "t", "t+1")
@@ -67,7 +73,7 @@ def _mark(ax, points_km):
         )
 
 
-def anomaly_map(chart, points_km):
+def anomaly_map(chart: GravityMap, points_km: dict[str, tuple[int, ...]]) -> Figure:
     """Draw the map with its starts and goal."""
     fig, ax = plt.subplots(figsize=(6.6, 5.4))
     _field(ax, chart, chart.anomaly / MGAL, "gravity anomaly (mGal)", 16)
@@ -75,7 +81,12 @@ def anomaly_map(chart, points_km):
     return fig
 
 
-def paths(chart, information, curves, points_km):
+def paths(
+    chart: GravityMap,
+    information: np.ndarray,
+    curves: dict[str, np.ndarray],
+    points_km: dict[str, tuple[int, ...]],
+) -> Figure:
     """Draw the information map with every path; `information` in 1/km."""
     fig, ax = plt.subplots(figsize=(6.6, 5.6))
     _field(ax, chart, information, r"information $M$ (1/km)", 12)
@@ -102,7 +113,7 @@ def _decades(ax):
     ax.set_ylim(low, high)  # setting ticks has widened it
 
 
-def rmse_curves(scores, level):
+def rmse_curves(scores: dict[str, list[Score]], level: int) -> Figure:
     """Draw the RMSE along every path, with the 95 % band of the planned one."""
     fig, ax = plt.subplots(figsize=(7.4, 4.6))
     for index, (name, row) in enumerate(scores.items()):
@@ -121,7 +132,7 @@ def rmse_curves(scores, level):
     return fig
 
 
-def sums(scores, level):
+def sums(scores: dict[str, list[Score]], level: int) -> Figure:
     """Draw the sums of RMSE with their 95 % intervals, and the PCRB's sum beside each."""
     fig, ax = plt.subplots(figsize=(7.4, 3.8))
     for index, (name, row) in enumerate(scores.items()):
@@ -146,7 +157,7 @@ def sums(scores, level):
     return fig
 
 
-def shares(rows):
+def shares(rows: list) -> Figure:
     """Draw the share of pairs won per map and noise; rows of `beyond.share_table`."""
     fig, ax = plt.subplots(figsize=(6.6, 3.8))
     for index, name in enumerate(dict.fromkeys(row[0] for row in rows)):
@@ -165,7 +176,7 @@ def shares(rows):
     return fig
 
 
-def comparisons(grouped):
+def comparisons(grouped: dict[str, list[Comparison]]) -> Figure:
     """Draw the cost of one label, and achieved RMSE against the bound, pair by pair."""
     fig, (left, right) = plt.subplots(1, 2, figsize=(9.4, 4.2))
     for index, (name, results) in enumerate(grouped.items()):
@@ -193,7 +204,7 @@ def comparisons(grouped):
     return fig
 
 
-def methods(cases):
+def methods(cases: dict[str, Case]) -> Figure:
     """Draw RMSE of the filters and the two bounds, one panel per case."""
     fig, axes = plt.subplots(1, len(cases), figsize=(9.4, 4.0), sharey=True)
     looks = {"sitan": "-", "ekf": "--", "point mass": "-."}
@@ -212,7 +223,7 @@ def methods(cases):
     return fig
 
 
-def noise_growth(rows, held_mgal):
+def noise_growth(rows: list, held_mgal: float) -> Figure:
     """Draw how the sum of RMSE grows with the noise; rows of `printed.noise_growth`."""
     tests = list(dict.fromkeys(row[0] for row in rows))
     fig, axes = plt.subplots(1, len(tests), figsize=(8.4, 3.6), sharey=True, squeeze=False)

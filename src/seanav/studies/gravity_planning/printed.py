@@ -5,6 +5,9 @@ from scipy.stats import kendalltau
 
 from seanav import estimates
 from seanav.models.units import KM
+from seanav.report import Report
+from seanav.studies.gravity_planning.scenario import Scenario
+from seanav.studies.gravity_planning.scores import Score
 
 # Sum of RMSE in km as printed, columns R = 1, 2, 3, 4 mGal (Tables 2 and 3).
 SUMS_KM = {
@@ -38,7 +41,7 @@ SUMS_KM = {
 NOISE_MGAL = (1.0, 2.0, 3.0, 4.0)
 
 
-def table_1(scenario):
+def table_1(scenario: Scenario) -> list:
     """Return Table 1 as rows (parameter, printed, used)."""
     return [
         ("speed V", "5 m/s", f"{scenario.speed:g} m/s"),
@@ -54,13 +57,13 @@ def table_1(scenario):
     ]
 
 
-def in_km(estimate):
+def in_km(estimate: estimates.Estimate) -> estimates.Estimate:
     """Return an `Estimate` in km from one in m."""
-    numbers = (estimate.value, estimate.low, estimate.high, estimate.se)
-    return estimates.Estimate(*(number / KM for number in numbers), estimate.count)
+    ends = estimate.low / KM, estimate.high / KM
+    return estimates.Estimate(estimate.value / KM, *ends, estimate.se / KM, estimate.count)
 
 
-def sums_table(scenario, scores):
+def sums_table(scenario: Scenario, scores: dict[str, list[Score]]) -> tuple:
     """Return columns and rows of Table 2 or 3: sum of RMSE in km with its interval per noise."""
     columns = ["path"]
     for mgal in scenario.noise_mgal:
@@ -72,7 +75,9 @@ def sums_table(scenario, scores):
     return columns, rows
 
 
-def compare(report, scenario, test, scores):
+def compare(
+    report: Report, scenario: Scenario, test: int, scores: dict[str, list[Score]]
+) -> tuple[int, ...]:
     """Put every printed cell of a test beside ours; return how many agree, and how many there are.
 
     A cell has no partner when the scenario has no such path or noise level; it is left out.
@@ -87,20 +92,20 @@ def compare(report, scenario, test, scores):
     return sum(agreeing), len(agreeing)
 
 
-def rank_stability(test):
+def rank_stability(test: int) -> float:
     """Return Kendall's tau between the order of the paths at 1 and at 4 mGal, as printed."""
     cells = np.array(list(SUMS_KM[test].values()))
     return float(kendalltau(cells[:, 0], cells[:, -1]).statistic)
 
 
-def gain_growth(test, reading):
+def gain_growth(test: int, reading: str) -> float:
     """Return the growth of the gain as `scores.growth` does, of the printed table."""
     planned, direct = (np.array(SUMS_KM[test][name]) for name in ("Planned", "Direct"))
     gains = np.log(direct / planned) if reading == "relative" else (direct - planned) * KM
     return float(gains[-1] - gains[0])
 
 
-def noise_growth(scenario, test, known, held):
+def noise_growth(scenario: Scenario, test: int, known: list[Score], held: list[Score]) -> list:
     """Return rows (test, mGal, printed, known, held): sums over that at the least noise.
 
     `known` and `held` are the planned path's scores per noise level, with the filter knowing

@@ -3,7 +3,9 @@
 The paths themselves are from `seanav.models.paths`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,12 +13,19 @@ from seanav import estimates, montecarlo
 from seanav.filters.gravity import labels, matching, pcrb, planning, point_mass
 from seanav.models import gravity, paths
 from seanav.models.units import KM, MGAL
+from seanav.studies.gravity_planning.scenario import Scenario
 from seanav.studies.gravity_planning.scores import Score
 
 BATCH = 250  # runs per unit of parallel work; fixed, so that results do not depend on threads
 
 
-def problem(scenario, chart, start, noise_mgal, goal=None):
+def problem(
+    scenario: Scenario,
+    chart: gravity.GravityMap,
+    start: Sequence[int],
+    noise_mgal: float,
+    goal: Sequence[int] | None = None,
+) -> dict[str, Any]:
     """Return the keyword arguments that both planners take."""
     return {
         "gradient": gravity.gradient(chart),
@@ -30,17 +39,36 @@ def problem(scenario, chart, start, noise_mgal, goal=None):
     }
 
 
-def plan(scenario, chart, start, noise_mgal, goal=None):
+def plan(
+    scenario: Scenario,
+    chart: gravity.GravityMap,
+    start: Sequence[int],
+    noise_mgal: float,
+    goal: Sequence[int] | None = None,
+) -> planning.Plan:
     """Plan with the paper's A* for one noise level; see `seanav.filters.gravity.planning.plan`."""
     return planning.plan(**problem(scenario, chart, start, noise_mgal, goal))
 
 
-def plan_labels(scenario, chart, start, noise_mgal, goal=None, **options):
+def plan_labels(
+    scenario: Scenario,
+    chart: gravity.GravityMap,
+    start: Sequence[int],
+    noise_mgal: float,
+    goal: Sequence[int] | None = None,
+    **options: Any,
+) -> labels.LabelPlan:
     """Plan with the multi-label search; see `seanav.filters.gravity.labels.plan_labels`."""
     return labels.plan_labels(**problem(scenario, chart, start, noise_mgal, goal), **options)
 
 
-def fan(chart, start, goal, amplitudes_km, samples):
+def fan(
+    chart: gravity.GravityMap,
+    start: Sequence[int],
+    goal: Sequence[int],
+    amplitudes_km: Sequence[float],
+    samples: int,
+) -> tuple[dict[str, np.ndarray], int]:
     """Return the direct path and the bows that stay on the map, and how many did not.
 
     Parameters
@@ -63,7 +91,7 @@ def fan(chart, start, goal, amplitudes_km, samples):
     return fanned, len(amplitudes_km) + 1 - len(fanned)
 
 
-def nearest(sailed, count):
+def nearest(sailed: dict[str, np.ndarray], count: int) -> list[str]:
     """Return the names of the `count` bows nearest to the planned path, nearest first."""
 
     def gap(name):
@@ -74,7 +102,9 @@ def nearest(sailed, count):
     return sorted(bows, key=gap)[:count]
 
 
-def plan_path(result, chart, samples):
+def plan_path(
+    result: labels.LabelPlan | planning.Plan, chart: gravity.GravityMap, samples: int
+) -> np.ndarray:
     """Return the planned nodes as `samples` equidistant points in m."""
     return paths.resample(result.nodes * chart.spacing, samples)
 
@@ -88,7 +118,7 @@ class Noise:
     measurement: np.ndarray  # (runs, samples)
 
 
-def draw(scenario):
+def draw(scenario: Scenario) -> Noise:
     """Draw the random numbers of a scenario, one stream per run and purpose."""
     seed, runs, samples = scenario.seed, scenario.runs, scenario.samples
     return Noise(
@@ -98,19 +128,27 @@ def draw(scenario):
     )
 
 
-def Q_step(scenario, points):
+def Q_step(scenario: Scenario, points: np.ndarray) -> np.ndarray:
     """Return the process noise between two samples of a path, (2, 2) m²."""
     seconds = paths.length(points) / (len(points) - 1) / scenario.speed
     return np.eye(2) * scenario.Q_rate * seconds
 
 
-def bound(scenario, chart, points, noise_mgal):
+def bound(
+    scenario: Scenario, chart: gravity.GravityMap, points: np.ndarray, noise_mgal: float
+) -> np.ndarray:
     """Return the PCRB along a path (samples, 2), linearised at the truth: (samples, 2, 2) m²."""
     slopes = gravity.interpolate(gravity.gradient(chart), chart.spacing, points)
     return pcrb.pcrb(slopes, noise_mgal * MGAL, scenario.P0, Q_step(scenario, points))
 
 
-def expected_bound(scenario, chart, points, noise_mgal, nodes=7):
+def expected_bound(
+    scenario: Scenario,
+    chart: gravity.GravityMap,
+    points: np.ndarray,
+    noise_mgal: float,
+    nodes: int = 7,
+) -> np.ndarray:
     """Return the PCRB with the information averaged over the prior: (samples, 2, 2) m².
 
     The expectation is over the truth, which lies around the planned path as the INS error
@@ -127,12 +165,19 @@ def expected_bound(scenario, chart, points, noise_mgal, nodes=7):
     return pcrb.expected_pcrb(slopes, noise_mgal * MGAL, scenario.P0, Q)
 
 
-def root_trace(P):
+def root_trace(P: np.ndarray) -> np.ndarray:
     """Return the root of the trace of covariances (…, 2, 2): the two-dimensional RMSE."""
     return np.sqrt(np.trace(P, axis1=-2, axis2=-1))
 
 
-def filter_inputs(scenario, chart, noise, points, noise_mgal, assumed_mgal=None):
+def filter_inputs(
+    scenario: Scenario,
+    chart: gravity.GravityMap,
+    noise: Noise,
+    points: np.ndarray,
+    noise_mgal: float,
+    assumed_mgal: float | None = None,
+) -> tuple:
     """Return the positional arguments that every matching filter takes."""
     Q = Q_step(scenario, points)
     return (
@@ -148,7 +193,16 @@ def filter_inputs(scenario, chart, noise, points, noise_mgal, assumed_mgal=None)
     )
 
 
-def run(scenario, chart, noise, points, noise_mgal, *, method="sitan", assumed_mgal=None):
+def run(
+    scenario: Scenario,
+    chart: gravity.GravityMap,
+    noise: Noise,
+    points: np.ndarray,
+    noise_mgal: float,
+    *,
+    method: str = "sitan",
+    assumed_mgal: float | None = None,
+) -> Score:
     """Run one filter along one path on every row of `noise`.
 
     Parameters
@@ -170,13 +224,20 @@ def run(scenario, chart, noise, points, noise_mgal, *, method="sitan", assumed_m
         errors = point_mass.point_mass(*inputs, cell=cell)[0]
     else:
         slope = {"sitan": "block", "ekf": "point"}[method]
-        options = {"gradient": slope, "window_sigmas": scenario.window_sigmas}
-        errors = matching.sitan(*inputs, **options).errors
+        sigmas = scenario.window_sigmas
+        errors = matching.sitan(*inputs, gradient=slope, window_sigmas=sigmas).errors
     limit = root_trace(bound(scenario, chart, points, noise_mgal))
     return Score((errors**2).sum(axis=2), limit, paths.length(points))
 
 
-def run_all(scenario, chart, noise, sailed, noises_mgal, **options):
+def run_all(
+    scenario: Scenario,
+    chart: gravity.GravityMap,
+    noise: Noise,
+    sailed: dict[str, np.ndarray],
+    noises_mgal: Sequence,
+    **options: Any,
+) -> dict[str, list[Score]]:
     """Run every path at every noise level in parallel: {name: [Score, …]}."""
     batches = [
         Noise(*(part[begin : begin + BATCH] for part in vars(noise).values()))
@@ -196,7 +257,7 @@ def run_all(scenario, chart, noise, sailed, noises_mgal, **options):
     return {name: whole[i * count : (i + 1) * count] for i, name in enumerate(sailed)}
 
 
-def plane_check(scenario, noise):
+def plane_check(scenario: Scenario, noise: Noise) -> estimates.Estimate:
     """Return the error over the bound on a plane map at the end of a path, an `Estimate`.
 
     On a plane SITAN's fit is exact, so it is the Kalman filter of a linear Gaussian problem.

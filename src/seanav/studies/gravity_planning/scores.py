@@ -9,6 +9,7 @@ from scipy.stats import kendalltau, spearmanr
 from seanav import estimates, montecarlo
 from seanav.models import gravity
 from seanav.models.units import KM, MGAL
+from seanav.studies.gravity_planning.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -20,42 +21,42 @@ class Score:
     length: float  # m
 
     @property
-    def rmse(self):
+    def rmse(self) -> np.ndarray:
         """RMSE at every sample, (samples,) m."""
         return np.sqrt(self.squared.mean(axis=0))
 
     @property
-    def influence(self):
+    def influence(self) -> np.ndarray:
         """Each run's contribution to the error of the sum of RMSE, (runs,) m."""
         # Delta method: d sqrt(m) = dm / (2 sqrt(m)) at each sample, summed over the samples.
         rmse = self.rmse
         return ((self.squared - rmse**2) / (2 * rmse)).sum(axis=1)
 
     @property
-    def total(self):
+    def total(self) -> estimates.Estimate:
         """Sum of RMSE over the samples, an `Estimate` in m."""
         return estimates.from_influence(self.rmse.sum(), self.influence)
 
     @property
-    def over_bound(self):
+    def over_bound(self) -> estimates.Estimate:
         """Sum of RMSE over the sum of the root PCRB, an `Estimate`."""
         scale = self.bound.sum()
         return estimates.from_influence(self.rmse.sum() / scale, self.influence / scale)
 
     @property
-    def diverged(self):
+    def diverged(self) -> int:
         """Number of runs that end more than 1 km and four bounds away from the truth."""
         return int((self.squared[:, -1] > max(KM, 4 * self.bound[-1]) ** 2).sum())
 
-    def sample(self, distance_km):
+    def sample(self, distance_km: float) -> int:
         """Index of the sample nearest to a distance along the path."""
         return round(min(distance_km * KM / self.length, 1.0) * (len(self.bound) - 1))
 
-    def at(self, distance_km):
+    def at(self, distance_km: float) -> estimates.Estimate:
         """RMSE at a distance along the path, an `Estimate` in m."""
         return estimates.root_mean_square(self.squared[:, self.sample(distance_km)])
 
-    def band(self):
+    def band(self) -> tuple[np.ndarray, ...]:
         """Return the ends of the RMSE's 95 % interval at every sample, two arrays (samples,) m."""
         points = [estimates.root_mean_square(column) for column in self.squared.T]
         return np.array([p.low for p in points]), np.array([p.high for p in points])
@@ -64,24 +65,24 @@ class Score:
 # Comparisons, all paired through the common noise ------------------------------------------
 
 
-def log_ratio(one, other):
+def log_ratio(one: Score, other: Score) -> estimates.Estimate:
     """Return the log of the ratio of two sums of RMSE, an `Estimate`."""
     a, b = one.total.value, other.total.value
     return estimates.from_influence(np.log(a / b), one.influence / a - other.influence / b)
 
 
-def exp(log):
+def exp(log: estimates.Estimate) -> estimates.Estimate:
     """Return the exponential of an `Estimate`, its interval's ends with it."""
     value, low, high = np.exp([log.value, log.low, log.high])
     return estimates.Estimate(value, low, high, value * log.se, log.count)
 
 
-def ratio(one, other):
+def ratio(one: Score, other: Score) -> estimates.Estimate:
     """Return the ratio of two paths' sums of RMSE, an `Estimate`."""
     return exp(log_ratio(one, other))
 
 
-def ratio_at(one, other, distance_km):
+def ratio_at(one: Score, other: Score, distance_km: float) -> estimates.Estimate:
     """Return the ratio of two paths' RMSE at the same distance sailed, an `Estimate`."""
     a = one.squared[:, one.sample(distance_km)]
     b = other.squared[:, other.sample(distance_km)]
@@ -89,7 +90,7 @@ def ratio_at(one, other, distance_km):
     return exp(estimates.from_influence(half_log, 0.5 * (a / a.mean() - b / b.mean())))
 
 
-def growth(scores, reading):
+def growth(scores: dict[str, list[Score]], reading: str) -> estimates.Estimate:
     """Return how the planned path's gain over the direct one grows from least to most noise.
 
     Parameters
@@ -105,25 +106,25 @@ def growth(scores, reading):
             for a, b in zip(planned, direct, strict=True)
         ]
         return estimates.from_influence(gains[-1].value - gains[0].value, parts[-1] - parts[0])
-    gains = [b.total.value - a.total.value for a, b in zip(planned, direct, strict=True)]
+    sums = [b.total.value - a.total.value for a, b in zip(planned, direct, strict=True)]
     parts = [b.influence - a.influence for a, b in zip(planned, direct, strict=True)]
-    return estimates.from_influence(gains[-1] - gains[0], parts[-1] - parts[0])
+    return estimates.from_influence(sums[-1] - sums[0], parts[-1] - parts[0])
 
 
-def best_other(scores, level):
+def best_other(scores: dict[str, list[Score]], level: int) -> str:
     """Return the name of the path with the smallest sum of RMSE, the planned one left out."""
     others = [name for name in scores if name != "Planned"]
     return min(others, key=lambda name: scores[name][level].total.value)
 
 
-def resamples(scenario, count=400):
+def resamples(scenario: Scenario, count: int = 400) -> np.ndarray:
     """Return bootstrap weights of the runs, (count, runs), each row with mean one."""
     stream = montecarlo.streams(scenario.seed, "bootstrap", 1)[0]
     runs = scenario.runs
     return stream.multinomial(runs, np.full(runs, 1 / runs), count) / 1.0
 
 
-def percentile_estimate(value, replicates, count):
+def percentile_estimate(value: float, replicates: np.ndarray, count: int) -> estimates.Estimate:
     """Return an `Estimate` with the bootstrap percentile interval, stretched to its value."""
     low, high = np.percentile(replicates, (2.5, 97.5))
     return estimates.Estimate(
@@ -131,7 +132,7 @@ def percentile_estimate(value, replicates, count):
     )
 
 
-def rank_stability(scores, weights):
+def rank_stability(scores: dict[str, list[Score]], weights: np.ndarray) -> estimates.Estimate:
     """Return Kendall's tau between the paths' order at the least and at the most noise."""
     ends = []
     for level in (0, -1):
@@ -141,17 +142,19 @@ def rank_stability(scores, weights):
         ends.append((np.array(totals), np.array(replicates).T))
     tau = kendalltau(ends[0][0], ends[1][0]).statistic
     each = [kendalltau(a, b).statistic for a, b in zip(ends[0][1], ends[1][1], strict=True)]
-    return percentile_estimate(tau, each, weights.shape[1])
+    return percentile_estimate(tau, np.array(each), weights.shape[1])
 
 
-def minimum_km(one, weights):
+def minimum_km(one: Score, weights: np.ndarray) -> estimates.Estimate:
     """Return the distance (km) at which the RMSE of a path is smallest, an `Estimate`."""
     along = np.linspace(0.0, one.length / KM, len(one.bound))
     replicates = along[np.argmin(weights @ one.squared, axis=1)]
     return percentile_estimate(along[np.argmin(one.rmse)], replicates, weights.shape[1])
 
 
-def contour_density(chart, levels=16, block=10):
+def contour_density(
+    chart: gravity.GravityMap, levels: int = 16, block: int = 10
+) -> tuple[np.ndarray, ...]:
     """Return contour length and mean gradient per block of cells, two flat arrays.
 
     Drawn contours are measured line by line, so that "denser contours" is the paper's
@@ -162,7 +165,7 @@ def contour_density(chart, levels=16, block=10):
     lengths = np.zeros(cells)
     lines = contour_generator(z=field)
     for level in np.linspace(field.min(), field.max(), levels + 2)[1:-1]:
-        for line in lines.lines(level):
+        for line in map(np.asarray, lines.lines(level)):
             middle = 0.5 * (line[1:] + line[:-1])
             steps = np.hypot(*np.diff(line, axis=0).T)
             east, north = (middle // block).astype(int).T
@@ -173,7 +176,7 @@ def contour_density(chart, levels=16, block=10):
     return lengths.ravel() * chart.spacing, blocks.ravel()
 
 
-def rank_correlation(a, b):
+def rank_correlation(a: np.ndarray, b: np.ndarray) -> estimates.Estimate:
     """Return Spearman's rank correlation with its interval (Bonett and Wright 2000)."""
     rho, count = spearmanr(a, b).statistic, len(a)
     half = 1.959964 * np.sqrt((1 + rho**2 / 2) / (count - 3))

@@ -1,20 +1,22 @@
 """Paper 1, beyond the paper: where second-order terms matter, and what the closure misses."""
 
+from collections.abc import Sequence
 from functools import cache
 from itertools import pairwise
 
 import attrs
 import numpy as np
+from numpy.typing import ArrayLike
 
 from seanav.filters import moments
 from seanav.models import bodies
 from seanav.studies.ito_filter import run, scores
-from seanav.studies.ito_filter.scenario import VEHICLES, Case
+from seanav.studies.ito_filter.scenario import VEHICLES, Case, Scenario
 
 # ---------------------------------------------------------------- second-order map
 
 
-def second_order_map(scenario, vehicle) -> list:
+def second_order_map(scenario: Scenario, vehicle: str) -> list:
     """Return rows (noise factor, interval, error of the Gaussian closure over the EKF's).
 
     Linear velocities measured with variance `map_R`, for `map_mission` s; truth in steps of
@@ -39,7 +41,7 @@ def second_order_map(scenario, vehicle) -> list:
     return rows
 
 
-def falling(rows, along):
+def falling(rows: list, along: int) -> tuple[int, ...]:
     """Return in how many lines of a map the ratio falls all along, and of how many.
 
     `along` 1: with the interval, a line per noise factor; 0: with the noise factor, a line
@@ -56,7 +58,9 @@ def falling(rows, along):
 # ---------------------------------------------------------------- sensitivity of P
 
 
-def sensitivity(scenario, vehicle, variances, factors) -> np.ndarray:
+def sensitivity(
+    scenario: Scenario, vehicle: str, variances: Sequence, factors: Sequence
+) -> np.ndarray:
     """Return the filter's own sd, averaged over time, (factors, variances, 6): Remark 3."""
     few = attrs.evolve(scenario, runs=8, particle_runs=2)
     out = np.empty((len(factors), len(variances), 6))
@@ -74,13 +78,15 @@ def sensitivity(scenario, vehicle, variances, factors) -> np.ndarray:
 
 
 @cache
-def planar():
+def planar() -> moments.System:
     """Return an isotropic body in the plane with linear drag, r an Ornstein–Uhlenbeck process."""
     drift = ["v*r - d*u", "-u*r - d*v", "-k*r"]
     return moments.system("u v r", drift, [["0"], ["0"], ["g"]], parameters="d k g")
 
 
-def planar_exact(z0, r0, variance, d, k, g, times):
+def planar_exact(
+    z0: complex, r0: float, variance: float, d: float, k: float, g: float, times: ArrayLike
+) -> tuple[np.ndarray, ...]:
     """Return E[u + iv] and tr Cov(u, v) in closed form at `times`, for a certain z0.
 
     z' = −(d + i r) z gives z = z0 e^{−dT} e^{−iθ} with θ = ∫ r Gaussian, so that
@@ -95,7 +101,16 @@ def planar_exact(z0, r0, variance, d, k, g, times):
     return mean, np.abs(z0) ** 2 * np.exp(-2 * d * times) * -np.expm1(-spread)
 
 
-def planar_closure(closure, z0, r0, variance, d, k, g, times):
+def planar_closure(
+    closure: str,
+    z0: complex,
+    r0: float,
+    variance: float,
+    d: float,
+    k: float,
+    g: float,
+    times: np.ndarray,
+) -> tuple[np.ndarray, ...]:
     """Return the same from a closure: mean u + iv and tr P_uv at equidistant `times`."""
     propagate = moments.Propagator(moments.close(planar(), closure))
     mean, P = np.array([[z0.real, z0.imag, r0]]), np.zeros((1, 3, 3))
@@ -111,7 +126,7 @@ def planar_closure(closure, z0, r0, variance, d, k, g, times):
 
 
 @cache
-def sway_yaw():
+def sway_yaw() -> moments.System:
     """Return sway and yaw of the body at a held surge speed u0: two states, cubic drag.
 
     The six-state equations with w = p = q = 0 and u = u0, by substitution.
@@ -124,14 +139,21 @@ def sway_yaw():
     return moments.system("v r", drift, ["g2", "g6"], parameters=names)
 
 
-def sway_yaw_parameters(u0, noise):
+def sway_yaw_parameters(u0: float, noise: tuple[float, ...]) -> list[float]:
     """Return the torpedo's numbers for `sway_yaw`, diffusion (v, r) given."""
     t = bodies.TORPEDO
     drags = (t.linear[1], t.linear[5], t.cubic[1], t.cubic[5])
     return [u0, *t.mass[:2], t.inertia[2], *drags, *noise, t.inputs[1], t.inputs[5]]
 
 
-def sway_yaw_reference(noise, duration, mean, P, u0=1.0, half_widths=(1.8, 3.6)):
+def sway_yaw_reference(
+    noise: tuple[float, ...],
+    duration: float,
+    mean: np.ndarray,
+    P: np.ndarray,
+    u0: float = 1.0,
+    half_widths: tuple[float, ...] = (1.8, 3.6),
+) -> tuple:
     """Return {name: (mean, P)} of closures and the Fokker–Planck solution, and the density."""
     parameters = sway_yaw_parameters(u0, noise)
     u0, m1, m2, j3, a2, a6, c2, c6, _, _, t2, t6 = parameters
@@ -155,7 +177,7 @@ def sway_yaw_reference(noise, duration, mean, P, u0=1.0, half_widths=(1.8, 3.6))
 POINT = ("1/2", "1/3", "-1/5", "1/7", "-2/5", "3/11")  # a rational state, nothing special
 
 
-def observability_rows(orders=8) -> list:
+def observability_rows(orders: int = 8) -> list:
     """Return rows (vehicle, measured, rank by order of the Lie derivative …)."""
     model, rows = run.body(), []
     for vehicle in VEHICLES:

@@ -1,10 +1,17 @@
 """Paper 1: the drawings; each function returns a figure and computes nothing new."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
+from numpy.typing import ArrayLike
 
+from seanav.filters.moments.density import Density
 from seanav.studies.ito_filter.scenario import COMPONENTS, UNITS, VEHICLES
+from seanav.studies.ito_filter.scores import Result
 
 TRUE = {"color": "black", "linestyle": ":", "linewidth": 1.3}
 FILTERED = {"color": "#0072b2", "linestyle": "-", "linewidth": 1.3}
@@ -26,7 +33,7 @@ def _trajectory(ax, result, i, run):
     ax.set(xlabel="time (s)", ylabel=f"{COMPONENTS[i]} ({UNITS[i]})", xlim=(0, times[-1]))
 
 
-def component(result, i, run=0):
+def component(result: Result, i: int, run: int = 0) -> Figure:
     """Draw one component of one run: true dotted, filtered solid, as in the paper."""
     # Margins by hand, the legend above: 36 of these, and a solver per figure is slow.
     fig, ax = plt.subplots(figsize=(5.6, 2.8), layout="none")
@@ -37,7 +44,7 @@ def component(result, i, run=0):
     return fig
 
 
-def overview(result, run=0):
+def overview(result: Result, run: int = 0) -> Figure:
     """Draw all six components of one run."""
     fig, axes = plt.subplots(2, 3, figsize=(9.0, 4.6), sharex=True, layout="none")
     fig.subplots_adjust(left=0.075, right=0.985, bottom=0.11, top=0.92, wspace=0.36, hspace=0.1)
@@ -51,15 +58,15 @@ def overview(result, run=0):
     return fig
 
 
-def second_order_map(maps):
+def second_order_map(maps: dict[str, Any]) -> Figure:
     """Draw error of the second-order filter over the EKF's, by noise and interval."""
     fig, axes = plt.subplots(1, len(maps), figsize=(8.4, 3.6))
     gains = [row[2] for rows in maps.values() for row in rows]
     lowest = min([1.0, *(gain.value for gain in gains)])
     for ax, (vehicle, rows) in zip(axes, maps.items(), strict=True):
         factors, intervals = (list(dict.fromkeys(row[k] for row in rows)) for k in (0, 1))
-        values = [np.nan if row[2].diverged else row[2].value for row in rows]
-        values = np.reshape(values, (len(factors), -1))
+        found = [np.nan if row[2].diverged else row[2].value for row in rows]
+        values = np.reshape(found, (len(factors), -1))
         shade = ax.imshow(values, origin="lower", vmin=lowest, vmax=1.0, aspect="auto")
         for index, (_, _, gain) in enumerate(rows):
             a, b = divmod(index, len(intervals))
@@ -76,7 +83,7 @@ def second_order_map(maps):
     return fig
 
 
-def nees(results, band):
+def nees(results: dict, band: tuple[float, ...]) -> Figure:
     """Draw the NEES over time of the Gaussian closure and the EKF, all cases."""
     fig, axes = plt.subplots(2, 3, figsize=(9.0, 4.8), sharex=True, sharey="row")
     for row, vehicle in zip(axes, VEHICLES, strict=True):
@@ -95,7 +102,7 @@ def nees(results, band):
     return fig
 
 
-def sensitivity(variances, factors, sds):
+def sensitivity(variances: ArrayLike, factors: Sequence, sds: np.ndarray) -> Figure:
     """Draw the filter's own sd of u and r over R, for several strengths of G."""
     fig, axes = plt.subplots(1, 2, figsize=(8.0, 3.2))
     for ax, i in zip(axes, (0, 5), strict=True):
@@ -106,7 +113,7 @@ def sensitivity(variances, factors, sds):
     return fig
 
 
-def planar(times, curves):
+def planar(times: np.ndarray, curves: dict[str, tuple[np.ndarray, ...]]) -> Figure:
     """Draw mean and variance of the planar body: exact and closures, {name: (z, trace)}."""
     fig, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.4))
     for name, (z, trace) in curves.items():
@@ -118,7 +125,7 @@ def planar(times, curves):
     return fig
 
 
-def density(field, summaries):
+def density(field: Density, summaries: dict[str, tuple[np.ndarray, ...]]) -> Figure:
     """Draw a density of sway and yaw with the 2-sigma ellipses of closures."""
     fig, ax = plt.subplots(figsize=(5.6, 4.4))
     levels = np.linspace(0, field.p.max(), 9)[1:]
@@ -127,7 +134,9 @@ def density(field, summaries):
         values, vectors = np.linalg.eigh(P)
         tilt = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
         width, height = 4 * np.sqrt(values[::-1])
-        ellipse = Ellipse(mean, width, height, angle=tilt, fill=False, linewidth=1.6, label=name)
+        ellipse = Ellipse(
+            tuple(mean), width, height, angle=tilt, fill=False, linewidth=1.6, label=name
+        )
         ellipse.set(edgecolor=STYLES[name]["color"], linestyle=STYLES[name]["linestyle"])
         ax.add_patch(ellipse)
     ax.set(xlabel="v (m/s)", ylabel="r (rad/s)", xlim=(-1.2, 1.4), ylim=(-3.2, 3.0))

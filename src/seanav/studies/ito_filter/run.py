@@ -10,7 +10,7 @@ from seanav.filters import moments
 from seanav.filters.moments import Track, continuous_discrete
 from seanav.models import bodies
 from seanav.studies.ito_filter import scores
-from seanav.studies.ito_filter.scenario import STEPS, VEHICLES
+from seanav.studies.ito_filter.scenario import STEPS, VEHICLES, Case, Scenario
 from seanav.studies.ito_filter.scores import Result
 
 LIMIT = 1e6  # m/s and rad/s; whatever is faster has diverged
@@ -60,7 +60,14 @@ class Truth:
     x: np.ndarray
 
 
-def simulate(scenario, vehicle, noise=None, keep=None, mission=None, step=None) -> Truth:
+def simulate(
+    scenario: Scenario,
+    vehicle: str,
+    noise: np.ndarray | None = None,
+    keep: float | None = None,
+    mission: float | None = None,
+    step: str | None = None,
+) -> Truth:
     """Simulate the runs of a vehicle.
 
     Parameters
@@ -84,14 +91,14 @@ def simulate(scenario, vehicle, noise=None, keep=None, mission=None, step=None) 
     craft = bodies.BODIES[vehicle]
     noise = scenario.noise(vehicle) if noise is None else noise
     name = step or f"{vehicle}_step"
-    step = getattr(scenario, name)
+    length = getattr(scenario, name)
     mission = scenario.mission if mission is None else mission
     keep = scenario.interval if keep is None else keep
-    steps = checks.parts(name, step, "mission", mission, at_most=STEPS)
-    every = checks.parts(name, step, "keep", keep, at_most=STEPS)
+    steps = checks.parts(name, length, "mission", mission, at_most=STEPS)
+    every = checks.parts(name, length, "keep", keep, at_most=STEPS)
     checks.parts("keep", keep, "mission", mission, at_most=STEPS)
     parameters = craft.parameters(noise)
-    forces = craft.forces(np.arange(steps + 1) * step)
+    forces = craft.forces(np.arange(steps + 1) * length)
     x0, P0 = scenario.prior(vehicle)
     first = montecarlo.normals(scenario.seed, f"{vehicle} start", scenario.runs, (6,))
     starts = x0 + first @ np.sqrt(P0)
@@ -100,7 +107,7 @@ def simulate(scenario, vehicle, noise=None, keep=None, mission=None, step=None) 
 
     def batch(chosen):
         normal = np.array([generators[r].standard_normal((steps, 6)) for r in chosen])
-        return move(starts[chosen], normal, step, forces, parameters, every)
+        return move(starts[chosen], normal, length, forces, parameters, every)
 
     tracks = montecarlo.parallel_map(batch, batches(scenario.runs), label=f"{vehicle}, truth")
     x = np.concatenate(tracks)
@@ -116,7 +123,7 @@ def batches(runs: int) -> list[list[int]]:
     return [list(range(k, min(k + BATCH, runs))) for k in range(0, runs, BATCH)]
 
 
-def measure(scenario, truth, case) -> np.ndarray:
+def measure(scenario: Scenario, truth: Truth, case: Case) -> np.ndarray:
     """Return the measurements of a case, (runs, samples - 1, 3)."""
     runs, samples = truth.x.shape[:2]
     shape = (samples - 1, 3)
@@ -132,7 +139,9 @@ def _joined(tracks):
     return [np.concatenate([getattr(t, a) for t in tracks]) for a in ("mean", "P", "nis")]
 
 
-def estimate(scenario, truth, case, closure="gaussian", corrected=True) -> Track:
+def estimate(
+    scenario: Scenario, truth: Truth, case: Case, closure: str = "gaussian", corrected: bool = True
+) -> Track:
     """Run a filter on every record of a case; not `corrected`: prediction only."""
     z = measure(scenario, truth, case)
     x0, P0 = scenario.prior(truth.vehicle)
@@ -154,7 +163,7 @@ def estimate(scenario, truth, case, closure="gaussian", corrected=True) -> Track
     return Track(*joined)
 
 
-def cloud(scenario, truth, case) -> Track:
+def cloud(scenario: Scenario, truth: Truth, case: Case) -> Track:
     """Run the bootstrap particle filter on the first runs."""
     z = measure(scenario, truth, case)
     x0, P0 = scenario.prior(truth.vehicle)
@@ -175,7 +184,7 @@ def cloud(scenario, truth, case) -> Track:
 # ---------------------------------------------------------------- all cases
 
 
-def run_case(scenario, truth, case) -> Result:
+def run_case(scenario: Scenario, truth: Truth, case: Case) -> Result:
     """Run all closures and the one-stage estimator on a case."""
     tracks = {closure: estimate(scenario, truth, case, closure) for closure in moments.CLOSURES}
     scored = {name: scores.score(truth, track) for name, track in tracks.items()}
@@ -184,7 +193,7 @@ def run_case(scenario, truth, case) -> Result:
     return Result(truth, case, tracks["gaussian"], scored)
 
 
-def run_all(scenario, strength: float = 1.0) -> dict[tuple[str, int], Result]:
+def run_all(scenario: Scenario, strength: float = 1.0) -> dict[tuple[str, int], Result]:
     """Return {(vehicle, case number): Result}; `strength` scales the angular noise."""
     results = {}
     for vehicle in VEHICLES:
@@ -194,7 +203,7 @@ def run_all(scenario, strength: float = 1.0) -> dict[tuple[str, int], Result]:
     return results
 
 
-def open_loop_limit(scenario, truth, case, R: float) -> float:
+def open_loop_limit(scenario: Scenario, truth: Truth, case: Case, R: float) -> float:
     """Return the largest difference between the filter with noise `R` and prediction only.
 
     In units of the open-loop standard deviation: how near the limit R → ∞ is. NaN if a

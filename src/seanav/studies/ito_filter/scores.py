@@ -1,5 +1,7 @@
 """Paper 1: errors, own variances and their ratios, with their intervals."""
 
+from typing import Any
+
 import attrs
 import numpy as np
 
@@ -51,7 +53,7 @@ class Score:
         return estimates.mean(self.nees)
 
 
-def score(truth, track: Track, consistency: bool = True) -> Score:
+def score(truth: Any, track: Track, consistency: bool = True) -> Score:
     """Return the errors (estimate minus truth) of a filter, of as many runs as it has.
 
     `consistency` False leaves the NEES out (NaN): the sample covariance of a particle
@@ -83,7 +85,7 @@ def total(one: Score, open_loop: Score) -> np.ndarray:
 class Result:
     """One case of one vehicle: truth, filtered track, and scores by filter name."""
 
-    truth: object
+    truth: Any  # a `seanav.studies.ito_filter.run.Truth`
     case: Case
     track: Track
     scores: dict
@@ -113,10 +115,17 @@ def shown(number: Estimate | float, digits: int = 3) -> str:
 
 def entry(number: Estimate | float, end: str = "value") -> float | str:
     """Return what a table holds of a number: of an estimate its `end`, else as `shown`."""
-    return "diverged" if _diverged(number) else float(getattr(number, end, number))
+    found: Any = getattr(number, end) if isinstance(number, Estimate) else number
+    return "diverged" if _diverged(number) else float(found)
 
 
-def condition(what: str, number: Estimate | float, low=-np.inf, high=np.inf, lost=None):
+def condition(
+    what: str,
+    number: Estimate | float,
+    low: float = -np.inf,
+    high: float = np.inf,
+    lost: int | None = None,
+) -> Condition:
     """Return a condition of a claim on an `Estimate` or an exact number.
 
     Where a filter diverged it fails. If the claim is about one of two filters that are
