@@ -36,7 +36,7 @@ import seanav.models
 from seanav import checks, montecarlo
 from seanav.filters import adaptive, blended, imm, ins, kalman, linear_covariance, moments, neural
 from seanav.filters.gravity import labels, matching, pcrb, planning, point_mass
-from seanav.filters.moments import continuous_discrete, generated
+from seanav.filters.moments import continuous_discrete, generated, particles
 from seanav.models import (
     attitude,
     currents,
@@ -252,7 +252,7 @@ def _filter_expanded(**others):
 
 
 def _cloud(**others):
-    track = continuous_discrete.particle_filter(_oscillator()[1], forces=_forces, **others)
+    track = particles.particle_filter(_oscillator()[1], forces=_forces, **others)
     return track.mean, track.P, track.nis[:, 1:]
 
 
@@ -308,7 +308,7 @@ ROWS = [
         free=(("H", ...),),  # H of one run is one for all
         in_place=("mean", "P"),
     ),
-    Row(continuous_discrete.systematic, {"weights": np.array([0.5, 0.3, 0.2]), "offset": 0.5}),
+    Row(particles.systematic, {"weights": np.array([0.5, 0.3, 0.2]), "offset": 0.5}),
     Row(
         _filter,
         _records(),
@@ -325,7 +325,7 @@ ROWS = [
         _cloud,
         _records() | {"particles": 20, "generators": _GENERATORS},
         free=(("z", 1),),
-        name="filters.moments.continuous_discrete.particle_filter",
+        name="filters.moments.particles.particle_filter",
     ),
     Row(
         _fokker_planck,

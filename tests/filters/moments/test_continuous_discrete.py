@@ -9,7 +9,7 @@ from scipy import linalg
 
 from seanav.checks import ParameterError
 from seanav.filters import moments
-from seanav.filters.moments import continuous_discrete, generated
+from seanav.filters.moments import continuous_discrete, generated, particles
 
 
 def random_covariance(rng, n):
@@ -132,7 +132,7 @@ def test_nonlinear_update_is_the_best_linear_one_of_gaussian_moments():
 def test_effective_sample_size_of_a_gaussian_is_known(R):
     # w = exp(-x²/2R), x ~ N(0, 1): (E w)²/E w² = √(R (2 + R))/(1 + R).
     model = moments.system("x", ["-x"], [1])
-    cloud = continuous_discrete.particle_filter(
+    cloud = particles.particle_filter(
         generated.Simulator(model), np.zeros(1), np.eye(1), np.zeros((1, 1, 1)), 1e-6, 1e-6,
         R * np.eye(1), np.eye(1), [np.random.default_rng(1)], 40_000,
     )  # fmt: skip
@@ -148,7 +148,7 @@ def test_particle_filter_agrees_with_the_kalman_filter():
     exact = continuous_discrete.run(
         generated.Propagator(moments.close(model, "ekf")), np.ones(3), np.eye(3), z, 0.4, 0.01, R, H
     )
-    cloud = continuous_discrete.particle_filter(
+    cloud = particles.particle_filter(
         generated.Simulator(model), np.ones(3), np.eye(3), z, 0.4, 0.01, R, H,
         [np.random.default_rng(4)], count,
     )  # fmt: skip
@@ -163,7 +163,7 @@ def test_particle_filter_agrees_with_the_kalman_filter():
 
 def test_systematic_resampling_copies_in_proportion():
     weights = np.array([0.5, 0.0, 0.3, 0.2])
-    chosen = continuous_discrete.systematic(weights, 0.5)
+    chosen = particles.systematic(weights, 0.5)
     counts = np.bincount(chosen, minlength=4)
     assert (np.abs(counts - 4 * weights) < 1).all()
     assert counts[1] == 0
@@ -333,13 +333,9 @@ def test_particles_that_explode_carry_no_weight():
     model = moments.system("x", ["4*x**3 - x"], [0.1])
     given = {"R": np.eye(1), "H": np.eye(1), "generators": [np.random.default_rng(1)]}
     move, z = generated.Simulator(model), np.zeros((1, 30, 1))
-    cloud = continuous_discrete.particle_filter(
-        move, [0.0], [[0.2]], z, 0.5, 0.05, particles=400, **given
-    )
+    cloud = particles.particle_filter(move, [0.0], [[0.2]], z, 0.5, 0.05, particles=400, **given)
     assert np.isfinite(cloud.mean).all()
     assert np.abs(cloud.mean).max() < 0.6
     assert cloud.nis[0, -1] > 100
-    gone = continuous_discrete.particle_filter(
-        move, [5.0], [[0.01]], z, 0.5, 0.05, particles=400, **given
-    )
+    gone = particles.particle_filter(move, [5.0], [[0.01]], z, 0.5, 0.05, particles=400, **given)
     assert np.isnan(gone.mean[0, 1:]).all()

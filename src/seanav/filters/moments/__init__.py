@@ -6,7 +6,7 @@
     operators, moments, closures, measurements, all in symbols;
 ``sources``, ``generated``
     the same symbols as the text of kernels, and compiled;
-``continuous_discrete``
+``continuous_discrete``, ``particles``
     filters between discrete measurements, the particle filter beside them;
 ``density``
     the Fokker–Planck equation of two states on a grid, a reference.

@@ -7,7 +7,7 @@ import numpy as np
 
 from seanav import checks, montecarlo
 from seanav.filters import moments
-from seanav.filters.moments import Track, continuous_discrete
+from seanav.filters.moments import Track, continuous_discrete, particles
 from seanav.models import bodies
 from seanav.studies.ito_filter import scores
 from seanav.studies.ito_filter.scenario import STEPS, VEHICLES, Case, Scenario
@@ -172,7 +172,7 @@ def cloud(scenario: Scenario, truth: Truth, case: Case) -> Track:
     generators = montecarlo.streams(scenario.seed, f"{truth.vehicle} particles", runs)
 
     def one(r):
-        return continuous_discrete.particle_filter(
+        return particles.particle_filter(
             move, x0, P0, z[r : r + 1], truth.times[1], 2 * scenario.torpedo_step,
             case.R * np.eye(3), case.H, generators[r : r + 1], scenario.particles, forces,
             truth.parameters, limit=LIMIT,
