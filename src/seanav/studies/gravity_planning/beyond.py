@@ -11,7 +11,6 @@ from seanav.models.gravity import sources
 from seanav.models.units import KM
 from seanav.studies.gravity_planning import run
 from seanav.studies.gravity_planning.scenario import Scenario
-from seanav.studies.gravity_planning.scores import exp
 
 FAN_KM = (27.5, 22.0, 16.5, 11.0, 5.5, -5.5, -11.0, -16.5, -22.0, -27.5)
 SECOND_WINDOW_DEG = (30.0, 155.0)  # open Pacific inside the geoid's coverage
@@ -187,7 +186,7 @@ def cost_table(grouped: dict[str, list[Comparison]]) -> list:
             np.log(one.scores["Planned"].total.value / one.scores["Labels"].total.value)
             for one in results
         ]
-        gain = exp(estimates.mean(np.array(logs)))
+        gain = estimates.exponential(estimates.mean(np.array(logs)))
         rows.append((name, np.median(costs), max(costs), gain.value, gain.low, gain.high))
     return rows
 

@@ -26,22 +26,19 @@ class Score:
         return np.sqrt(self.squared.mean(axis=0))
 
     @property
-    def influence(self) -> np.ndarray:
-        """Each run's contribution to the error of the sum of RMSE, (runs,) m."""
-        # Delta method: d sqrt(m) = dm / (2 sqrt(m)) at each sample, summed over the samples.
-        rmse = self.rmse
-        return ((self.squared - rmse**2) / (2 * rmse)).sum(axis=1)
+    def sum(self) -> estimates.Statistic:
+        """Sum of RMSE over the samples, m, with each run's contribution to its error."""
+        return estimates.rms(self.squared).sum()
 
     @property
     def total(self) -> estimates.Estimate:
         """Sum of RMSE over the samples, an `Estimate` in m."""
-        return estimates.from_influence(self.rmse.sum(), self.influence)
+        return self.sum.estimate()
 
     @property
     def over_bound(self) -> estimates.Estimate:
         """Sum of RMSE over the sum of the root PCRB, an `Estimate`."""
-        scale = self.bound.sum()
-        return estimates.from_influence(self.rmse.sum() / scale, self.influence / scale)
+        return (self.sum / self.bound.sum()).estimate()
 
     @property
     def diverged(self) -> int:
@@ -65,29 +62,15 @@ class Score:
 # Comparisons, all paired through the common noise ------------------------------------------
 
 
-def log_ratio(one: Score, other: Score) -> estimates.Estimate:
-    """Return the log of the ratio of two sums of RMSE, an `Estimate`."""
-    a, b = one.total.value, other.total.value
-    return estimates.from_influence(np.log(a / b), one.influence / a - other.influence / b)
-
-
-def exp(log: estimates.Estimate) -> estimates.Estimate:
-    """Return the exponential of an `Estimate`, its interval's ends with it."""
-    value, low, high = np.exp([log.value, log.low, log.high])
-    return estimates.Estimate(value, low, high, value * log.se, log.count)
-
-
 def ratio(one: Score, other: Score) -> estimates.Estimate:
     """Return the ratio of two paths' sums of RMSE, an `Estimate`."""
-    return exp(log_ratio(one, other))
+    return (one.sum / other.sum).estimate_of_log()
 
 
 def ratio_at(one: Score, other: Score, distance_km: float) -> estimates.Estimate:
     """Return the ratio of two paths' RMSE at the same distance sailed, an `Estimate`."""
-    a = one.squared[:, one.sample(distance_km)]
-    b = other.squared[:, other.sample(distance_km)]
-    half_log = 0.5 * np.log(a.mean() / b.mean())
-    return exp(estimates.from_influence(half_log, 0.5 * (a / a.mean() - b / b.mean())))
+    a, b = (score.squared[:, score.sample(distance_km)] for score in (one, other))
+    return estimates.ratio(a, b)
 
 
 def growth(scores: dict[str, list[Score]], reading: str) -> estimates.Estimate:
@@ -98,17 +81,12 @@ def growth(scores: dict[str, list[Score]], reading: str) -> estimates.Estimate:
     reading : {"absolute", "relative"}
         Difference of the sums (m), or log of their ratio.
     """
-    planned, direct = scores["Planned"], scores["Direct"]
+    ends = [(scores["Planned"][k].sum, scores["Direct"][k].sum) for k in (0, -1)]
     if reading == "relative":
-        gains = [log_ratio(b, a) for a, b in zip(planned, direct, strict=True)]
-        parts = [
-            b.influence / b.total.value - a.influence / a.total.value
-            for a, b in zip(planned, direct, strict=True)
-        ]
-        return estimates.from_influence(gains[-1].value - gains[0].value, parts[-1] - parts[0])
-    sums = [b.total.value - a.total.value for a, b in zip(planned, direct, strict=True)]
-    parts = [b.influence - a.influence for a, b in zip(planned, direct, strict=True)]
-    return estimates.from_influence(sums[-1] - sums[0], parts[-1] - parts[0])
+        least, most = ((direct / planned).log() for planned, direct in ends)
+    else:
+        least, most = (direct - planned for planned, direct in ends)
+    return (most - least).estimate()
 
 
 def best_other(scores: dict[str, list[Score]], level: int) -> str:
