@@ -55,7 +55,7 @@ def outcomes():
         ),
         ({"dt": 3.0, "discretisation": "exact"}, "dt = 3.0: must be a finite number above 0 and"),
         ({"Q_diving": 1e-5}, "Q_diving = 1e-05: must be a list of 4 values"),
-        ({"R_diving": [1e-4, 1e-4, 1e-4, 0.0]}, "R_diving = 0.0: must be a finite number at least 1e-20"),
+        ({"R_diving": [1e-4, 1e-4, 1e-4, 0.0]}, "R_diving = 0.0: must be a finite number at least"),
         ({"dt": 1e-9}, "dt = 1e-09: must be at least 0.005 s: 20000 steps at most"),
         ({"dt": 0.01, "runs": 1000}, "dt = 0.01: must be at least 0.025 s"),
         ({"larger_Q": 0.5}, "larger_Q = 0.5: must be a finite number at least 1"),

@@ -189,7 +189,9 @@ def entries():
 
 def call(entry, **changes):
     """Call an entry with some arguments changed."""
-    return getattr(continuous_discrete, entry.split()[0])(**(entries()[entry] | changes))
+    name = entry.split()[0]
+    home = continuous_discrete if hasattr(continuous_discrete, name) else particles
+    return getattr(home, name)(**(entries()[entry] | changes))
 
 
 @pytest.mark.parametrize("entry", entries())

@@ -114,7 +114,7 @@ def simulate(
     if not (np.abs(x) < LIMIT).all():
         given = ", ".join(f"{vehicle}_{part}" for part in ("start", "variance", "noise"))
         allowed = f"is too long for {given} times strong_noise or map_noise: the {vehicle} diverges"
-        raise checks.ParameterError(name, step, allowed)
+        raise checks.ParameterError(name, length, allowed)
     return Truth(vehicle, parameters, np.arange(x.shape[1]) * keep, x)
 
 
