@@ -212,8 +212,10 @@ def test_stored_notebooks_are_in_form():
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_parameters_are_those_that_the_study_declares(path):
     study = importlib.import_module(f"seanav.studies.{path.stem.partition('_')[2]}.scenario")
-    cell = runner.parameters_cell(nbformat.read(path, as_version=4))
-    assert cell.source == study.Scenario.cell()  # python -m seanav cells
+    book = nbformat.read(path, as_version=4)
+    assert runner.parameters_cell(book).source == study.Scenario.cell()  # python -m seanav cells
+    sources = [cell.source for cell in book.cells if cell.cell_type == "code"]
+    assert sum("scenario = Scenario.read(globals())" in source for source in sources) == 1
 
 
 def good_notebook():

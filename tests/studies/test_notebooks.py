@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from seanav.scenario import Choice
+
 NOTEBOOKS = Path(__file__).resolve().parents[2] / "notebooks"
 
 # Every option of every choice, and lists of one entry, unsorted, and off the printed points.
@@ -48,12 +50,18 @@ CASES = {
     | {"runs": 10, "particle_runs": 12, "map_noise": [2.0, 0.5], "map_interval": [1.0, 0.5]},
     ("1_ito_filter", "diverging"): ITO
     | {"strong_noise": 30.0, "filter_step": 0.25, "map_noise": [30.0], "map_interval": [0.5]},
-    ("2_neural_estimator", "short"): NEURAL | {"steps": 60, "settle": 5, "pairs": 2},
+    ("2_neural_estimator", "short"): NEURAL
+    | {"steps": 60, "settle": 5, "pairs": 2, "innovation": "printed", "reading": "rms"},
     ("2_neural_estimator", "one entry"): NEURAL
-    | {"steps": 90, "hidden_sizes": [10], "weights": [0.5], "intervals": [2]},
-    ("3_adaptive_fading", "two measured"): FADING | {"measured_steering": ["r", "psi"]},
+    | {"steps": 90, "hidden_sizes": [10], "weights": [0.5], "intervals": [2]}
+    | {"turn_rates_deg_s": [0.05], "reading": "mean square", "examination_input": "estimate"},
+    ("2_neural_estimator", "scikit-learn"): NEURAL | {"steps": 70, "learner": "MLPRegressor"},
+    ("3_adaptive_fading", "two measured"): FADING
+    | {"measured_steering": ["r", "psi"], "fault": "reversal", "discretisation": "exact"},
     ("3_adaptive_fading", "one measured"): FADING
-    | {"measured_steering": ["r"], "measured_diving": ["z"]},
+    | {"measured_steering": ["r"], "measured_diving": ["z"], "fault": "half", "fin": "step"},
+    ("3_adaptive_fading", "stuck"): FADING | {"fault": "stuck", "trigger": "trace"},
+    ("3_adaptive_fading", "bias"): FADING | {"fault": "bias", "dt": 0.2, "fault_time": 30.0},
     ("4_imm_sea_current", "literal"): IMM
     | {"fading_form": "literal", "sigma_filter": [0.5], "trajectory": "circle", "log_axes": 3},
     ("4_imm_sea_current", "literal-gain"): IMM
@@ -150,10 +158,10 @@ def test_every_cell_runs(stem, case, tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("stem", sorted({stem for stem, _ in CASES}))
-def test_the_parameters_cell_is_the_declaration(stem):
-    name = stem.partition("_")[2]
-    scenario = importlib.import_module(f"seanav.studies.{name}.scenario").Scenario
-    cells = json.loads((NOTEBOOKS / f"{stem}.ipynb").read_text("utf-8"))["cells"]
-    (cell,) = [c for c in cells if "parameters" in c["metadata"].get("tags", ())]
-    assert "".join(cell["source"]) == scenario.cell()
-    assert sum("scenario = Scenario.read(globals())" in "".join(c["source"]) for c in cells) == 1
+def test_every_option_of_every_choice_has_a_case(stem):
+    study = importlib.import_module(f"seanav.studies.{stem.partition('_')[2]}.scenario")
+    cases = [case for (of, _), case in CASES.items() if of == stem]
+    for name, (default, about) in study.Scenario.declared().items():
+        if isinstance(about.kind, Choice):
+            run = {default, *(case[name] for case in cases if name in case)}
+            assert run == set(about.kind.options), name
