@@ -90,7 +90,7 @@ def _finite(value):
         return False
 
 
-def choice(name: str, value: ArrayLike | None, allowed: Any) -> Any:
+def choice(name: str, value: Any, allowed: Iterable) -> Any:
     """Return `value` if it is one of `allowed`, else raise `ParameterError`."""
     options = list(allowed)
     # Python calls True and 1 equal; a user who says one does not mean the other.

@@ -1,7 +1,6 @@
 """What a paper's notebook hands over: figures, tables, claims, deviations, provenance."""
 
 import csv
-import dataclasses
 import io
 import json
 import math
@@ -192,11 +191,6 @@ def agrees(printed: float, ours: Estimate, paper_runs_se: float | None = None) -
 # ---------------------------------------------------------------- the report
 
 
-def _parameters(scenario: Any) -> dict:
-    declared = attrs.asdict if attrs.has(type(scenario)) else dataclasses.asdict
-    return declared(scenario)
-
-
 class Report:
     """The results of one notebook run, written to one folder and shown in the notebook.
 
@@ -234,7 +228,7 @@ class Report:
         self._about = {
             "seed": seed,
             "quick": quick,
-            "parameters": _parameters(scenario),
+            "parameters": attrs.asdict(scenario),
         }
         self._quick = quick
         self._claims = {}

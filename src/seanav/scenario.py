@@ -41,7 +41,7 @@ class Integer:
     at_least: int
     at_most: int | None = None
 
-    def __call__(self, name: str, value: bool | float) -> int:
+    def __call__(self, name: str, value: Any) -> int:
         """Return the checked value."""
         return checks.integer(name, value, at_least=self.at_least, at_most=self.at_most)
 
@@ -55,7 +55,7 @@ class Number:
     below: float = math.inf
     at_most: float = math.inf
 
-    def __call__(self, name: str, value: float) -> float:
+    def __call__(self, name: str, value: Any) -> float:
         """Return the checked value."""
         return checks.number(name, value, **attrs.asdict(self))
 
@@ -70,7 +70,7 @@ class Choice:
 
     options: tuple = attrs.field(converter=_tuple)
 
-    def __call__(self, name: str, value: Any) -> int | str:
+    def __call__(self, name: str, value: Any) -> Any:
         """Return the checked value."""
         return checks.choice(name, value, self.options)
 
@@ -79,7 +79,7 @@ class Choice:
 class Text:
     """Any text, such as the name of a file."""
 
-    def __call__(self, name: str, value: int | str) -> str:
+    def __call__(self, name: str, value: Any) -> str:
         """Return the checked value."""
         if not isinstance(value, str) or "\0" in value:
             raise ParameterError(name, value, "must be text")

@@ -1,7 +1,9 @@
 """The numerical filter that teaches the network of paper 2: Kalman, least squares, or between.
 
-A velocity that is constant or walks at random, measured directly. The weight w1 blends the
-last estimate with the last measurement before each correction.
+Stateczny, "Neural state estimation in sea navigation" (2000): equations of section 2 in the
+form that makes the paper's own sentences true. The state is a speed vector measured directly,
+F = G = I, so that every gain is one number. The weight w1 blends the last estimate with the
+last measurement before each correction.
 """
 
 from numbers import Real

@@ -1,9 +1,7 @@
-"""The neural estimator: a 2-H-2 logistic network and the numerical filters that teach it.
+"""The neural estimator: a 2-H-2 logistic network, taught by `seanav.filters.blended`.
 
-Stateczny, "Neural state estimation in sea navigation" (2000): equations of section 2
-in the form that makes the paper's own sentences true, network of section 3. The state
-is a speed vector measured directly, F = G = I, so that every gain is one number.
-Networks of many runs are taught together, runs innermost.
+Stateczny, "Neural state estimation in sea navigation" (2000), section 3. Networks
+of many runs are taught together, runs innermost.
 """
 
 from dataclasses import dataclass

@@ -12,10 +12,10 @@ and simulation and every filter use the same symbols.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import sympy as sp
+from numpy.typing import ArrayLike
 
 STATES = ("u", "v", "w", "p", "q", "r")
 INPUTS = tuple(f"tau{i}" for i in range(1, 7))
@@ -24,7 +24,7 @@ DRAGS = tuple(f"{kind}{i}" for kind in ("a", "c") for i in range(1, 7))
 NOISES = tuple(f"g{i}" for i in range(1, 7))
 
 
-def equations(quadratic_drag: bool = False) -> Any:
+def equations(quadratic_drag: bool = False) -> tuple[sp.Matrix, sp.Matrix, tuple[str, ...]]:
     """Return drift and diffusion of the body, (6, 1) and (6, 6) SymPy matrices.
 
     Parameters
@@ -83,7 +83,7 @@ class Body:
     inputs: tuple
     noise: tuple
 
-    def parameters(self, noise: Any = None) -> np.ndarray:
+    def parameters(self, noise: ArrayLike | None = None) -> np.ndarray:
         """Return the parameter vector in the order of `equations`, shape (24,)."""
         noise = self.noise if noise is None else noise
         parts = (self.mass, self.inertia, self.linear, self.cubic, noise)

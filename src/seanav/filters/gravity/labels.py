@@ -347,7 +347,7 @@ def plan_labels(
     speed: float,
     *,
     epsilon: float,
-    max_expansions: float = 1_000_000,
+    max_expansions: int = 1_000_000,
     max_comparisons: int = 150_000_000,
     incumbent: Plan | LabelPlan | None = None,
     table: np.ndarray | None = None,

@@ -293,7 +293,7 @@ def _settings(
     cap: float,
     velocity_noise: float,
     attitude_noise: float,
-    aided: int,
+    aided: bool,
     about: str,
     stride: int,
 ) -> Settings:
