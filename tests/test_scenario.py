@@ -74,6 +74,7 @@ def test_the_cell_says_unit_meaning_and_origin_in_lines_that_fit():
     assert "noise = 0.3  # m/s; assumed" in lines
     assert 'shape = "circle"  # one of "circle", "square"; derived' in lines
     assert "runs = 100  # missions; text" in lines
+    assert 'names = ["v", "r"]  # ours' in lines  # nothing to say but the origin
     assert lines[lines.index('file = ""') - 1] == f"# {'x' * 90}; ours"
     assert max(map(len, lines)) <= 100
 

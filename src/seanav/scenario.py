@@ -233,7 +233,8 @@ class Parameters:
 def _comment(about):
     options = getattr(about.kind, "options", ())
     choice = "one of " + ", ".join(map(_literal, options)) if options else ""
-    return "; ".join([", ".join(filter(None, [about.unit, about.note, choice])), about.origin])
+    meaning = ", ".join(filter(None, [about.unit, about.note, choice]))
+    return f"{meaning}; {about.origin}" if meaning else about.origin
 
 
 def _literal(value):
