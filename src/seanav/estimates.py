@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Self
 
 import numpy as np
@@ -56,6 +57,31 @@ class Estimate:
 def exact(value: float) -> Estimate:
     """Return a number that is computed without sampling."""
     return Estimate(float(value), float(value), float(value), 0.0, 0)
+
+
+def significant(x: float | Estimate, digits: int = 3) -> str:
+    """Return `x` rounded to `digits` significant digits; an estimate with its interval.
+
+    Integers are printed in full. The one helper for every printed number: what it
+    prints is the same on every machine.
+    """
+    if isinstance(x, Estimate) and x.diverged:
+        return "diverges"
+    if isinstance(x, Estimate):
+        value, low, high = (significant(float(y), digits) for y in (x.value, x.low, x.high))
+        return value if x.low == x.high else f"{value} [{low}, {high}]"
+    if isinstance(x, Integral):
+        return str(int(x))
+    x = float(x)
+    if not math.isfinite(x):
+        return str(x)
+    if x == 0.0:
+        return "0"
+    scientific = f"{x:.{digits - 1}e}"
+    exponent = int(scientific.partition("e")[2])
+    if -4 <= exponent < 6:
+        return f"{float(scientific):.{max(digits - 1 - exponent, 0)}f}"
+    return scientific
 
 
 # ---------------------------------------------------------------- the delta method

@@ -10,9 +10,9 @@ import secrets
 import shutil
 import warnings
 import weakref
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
@@ -26,38 +26,23 @@ from matplotlib.figure import Figure
 
 from seanav._files import lock, place, write
 from seanav._pictures import palette_png, rounded
-from seanav.estimates import Estimate
-from seanav.scenario import ORIGINS
+from seanav.claims import (
+    VERDICTS,
+    Claim,
+    Condition,
+    agrees,
+    by_groups,
+    changed,
+    counted,
+    judged,
+    told,
+)
+from seanav.estimates import Estimate, significant
+from seanav.scenario import ORIGINS, Parameters
 
 SHOWN_DPI = 100  # of the picture in the notebook; the saved one has twice as many
-VERDICTS = ("reproduced", "partly", "not reproduced", "cannot be tested")
 
 # ---------------------------------------------------------------- numbers as text
-
-
-def significant(x: float | Estimate, digits: int = 3) -> str:
-    """Return `x` rounded to `digits` significant digits; an estimate with its interval.
-
-    Integers are printed in full. The one helper for every printed number: what it
-    prints is the same on every machine.
-    """
-    if isinstance(x, Estimate) and x.diverged:
-        return "diverges"
-    if isinstance(x, Estimate):
-        value, low, high = (significant(float(y), digits) for y in (x.value, x.low, x.high))
-        return value if x.low == x.high else f"{value} [{low}, {high}]"
-    if isinstance(x, Integral):
-        return str(int(x))
-    x = float(x)
-    if not math.isfinite(x):
-        return str(x)
-    if x == 0.0:
-        return "0"
-    scientific = f"{x:.{digits - 1}e}"
-    exponent = int(scientific.partition("e")[2])
-    if -4 <= exponent < 6:
-        return f"{float(scientific):.{max(digits - 1 - exponent, 0)}f}"
-    return scientific
 
 
 def _stored(x):
@@ -109,85 +94,6 @@ def _print_table(columns, rows):
         print("  ".join(x.ljust(width) for x, width in zip(line, widths, strict=True)).rstrip())
 
 
-# ---------------------------------------------------------------- claims
-
-
-@dataclass(frozen=True)
-class Condition:
-    """One condition under which a claim is tested, with the region that it claims.
-
-    Attributes
-    ----------
-    what : str
-        The condition in words, such as ``"test 1, R = 2 mGal"``.
-    estimate : Estimate
-        The number that the claim is about.
-    low, high : float
-        The claimed region, ends included; fixed before the full-scale run.
-    """
-
-    what: str
-    estimate: Estimate
-    low: float = -math.inf
-    high: float = math.inf
-
-    @property
-    def outcome(self) -> str:
-        """``holds``, ``fails`` or ``straddles``: where the whole interval lies.
-
-        A number of a filter that diverged supports nothing: it fails.
-        """
-        if self.estimate.diverged:
-            return "fails"
-        if self.low <= self.estimate.low and self.estimate.high <= self.high:
-            return "holds"
-        if self.estimate.high < self.low or self.high < self.estimate.low:
-            return "fails"
-        return "straddles"
-
-    def __str__(self):
-        low = f"at least {significant(self.low)}" if math.isfinite(self.low) else ""
-        high = f"at most {significant(self.high)}" if math.isfinite(self.high) else ""
-        region = " and ".join(filter(None, (low, high))) or "any value"
-        return f"{self.what}: {significant(self.estimate)}, claimed {region}, {self.outcome}"
-
-
-def verdict(conditions: Iterable[Condition]) -> str:
-    """Return the verdict on a claim; it is never typed, only computed.
-
-    ``reproduced`` if it holds under every condition, ``not reproduced`` if it fails
-    under every one, ``partly`` otherwise, ``cannot be tested`` without a condition.
-    """
-    outcomes = {condition.outcome for condition in conditions}
-    if not outcomes:
-        return "cannot be tested"
-    if len(outcomes) > 1:
-        return "partly"
-    return {"holds": "reproduced", "fails": "not reproduced"}.get(outcomes.pop(), "partly")
-
-
-def agrees(printed: float, ours: Estimate, paper_runs_se: float | None = None) -> bool:
-    """Return whether our number agrees with the printed one within sampling error.
-
-    ``|ln(ours/printed)| <= 2 sqrt(SE² + SE_paper²)`` with standard errors of ln(ours).
-
-    Parameters
-    ----------
-    printed, ours : float, Estimate
-        The paper's number and ours; if their signs differ they do not agree.
-    paper_runs_se : float, optional
-        Our standard error at the paper's number of runs, in the unit of the number;
-        default: ours is computed at that number already.
-    """
-    if printed == ours.value:
-        return True
-    if ours.diverged or printed * ours.value <= 0:
-        return False
-    paper_se = ours.se if paper_runs_se is None else paper_runs_se
-    se = math.hypot(ours.se, paper_se) / abs(ours.value)
-    return abs(math.log(ours.value / printed)) <= 2.0 * se
-
-
 # ---------------------------------------------------------------- the report
 
 
@@ -200,6 +106,8 @@ class Report:
         Name of the notebook and of its folder of results.
     scenario : seanav.scenario.Parameters
         The validated parameters of the run; they go into the manifest.
+    claims : sequence of seanav.claims.Claim
+        The claims of the paper, all of which must be judged.
     seed : int
         Seed of the run.
     quick : bool
@@ -215,7 +123,15 @@ class Report:
 
     _style = ExitStack()  # of the last report only
 
-    def __init__(self, stem: str, *, scenario: Any, seed: int, quick: bool = False):
+    def __init__(
+        self,
+        stem: str,
+        *,
+        scenario: Any,
+        claims: Sequence[Claim],
+        seed: int,
+        quick: bool = False,
+    ):
         checkout = Path(__file__).resolve().parents[2]
         by_hand = (
             checkout if (checkout / "pyproject.toml").is_file() else Path()
@@ -231,7 +147,11 @@ class Report:
             "parameters": attrs.asdict(scenario),
         }
         self._quick = quick
+        self._declared = {claim.number: claim for claim in claims}
         self._claims = {}
+        own = isinstance(scenario, Parameters) and scenario == type(scenario)()
+        self._changed = changed(checkout, stem) if own else set()
+        self._findings: dict[str, str] = {}
         self._deviations = []
         self._origins: list | None = None
         Report._style.close()
@@ -300,71 +220,104 @@ class Report:
         printed: float,
         ours: Estimate,
         paper_runs_se: float | None = None,
+        why: str = "",
     ) -> bool:
-        """Note a number that the paper prints beside ours; return whether they `agree`."""
+        """Note a number that the paper prints beside ours; return whether they `agree`.
+
+        `why` says what a difference, if there is one, comes from.
+        """
         agree = agrees(printed, ours, paper_runs_se)
         numbers = [printed, ours.value, ours.low, ours.high, agree]
-        self._deviations.append([table, row, column, *map(_cell, numbers)])
+        self._deviations.append([table, row, column, *map(_cell, numbers), "" if agree else why])
         return agree
 
-    def claim(self, number: str, text: str, conditions: list[Condition], basis: str) -> None:
-        """Judge one claim of the paper and print the verdict on one line.
+    def claim(self, number: str, conditions: Iterable[Condition], basis: str) -> None:
+        """Judge one claim of the paper; print its words, our reading and the verdict.
 
         Parameters
         ----------
         number : str
-            Number of the claim, such as ``"5.3"``.
-        text : str
-            The claim.
-        conditions : list of Condition
-            Where it is tested; the first one gives the value that is shown. None if
-            the paper gives no testable statement.
+            Number of a declared claim, such as ``"5.3"``.
+        conditions : iterable of Condition
+            Where it is tested; each is a fact of its own. None if nothing of what the claim
+            speaks of was run.
         basis : str
-            How the numbers are computed; the outcome of each condition is added.
-        """
-        number = str(number)
-        if number in self._claims:
-            raise ValueError(f"claim {number} is judged twice")
-        conditions = list(conditions)
-        first = conditions[0].estimate if conditions else None
-        self._claims[number] = {
-            "claim": text,
-            "verdict": verdict(conditions),
-            "value": None if first is None or first.diverged else first.value,
-            "interval": [first.low, first.high] if first and first.low < first.high else None,
-            "basis": ". ".join([basis.rstrip(". "), *map(str, conditions)]) + ".",
-        } | ({"quick": True} if self._quick else {})
-        shown = f" ({significant(first)})" if first else ""
-        print(f"{number} {verdict(conditions)}: {text}{shown}")
+            How the numbers are computed.
 
-    def finish(self, expected_claims: Iterable[str]) -> None:
+        Raises
+        ------
+        ValueError
+            If the claim is not declared, was judged already, or two conditions are the same.
+        """
+        if number not in self._declared or number in self._claims:
+            raise ValueError(f"claim {number} is not declared, or is judged twice")
+        found = [
+            attrs.evolve(c, confirmed=False) if (number, c.what) in self._changed else c
+            for c in conditions
+        ]
+        names = [condition.what for condition in found]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"claim {number}: there are two conditions {twice[0]!r}")
+        claim = judged(self._declared[number], found, basis)
+        self._claims[number] = claim | ({"quick": True} if self._quick else {})
+        print("\n".join(told(number, claim)))
+        groups = by_groups(found)
+        if len(groups) > 1:
+            print(*(f"    {name}: {counted(group)}" for name, group in groups.items()), sep="\n")
+
+    def findings(self, *, holds: str, fails: str, undecided: str, depends: str, beyond: str) -> None:
+        """Say in one sentence each what the results mean; numbers in them come from the results.
+
+        Parameters
+        ----------
+        holds, fails, undecided : str
+            What of the paper's claims holds, what fails, what stays open.
+        depends : str
+            What the verdicts hang on: readings and values that the paper does not give.
+        beyond : str
+            What we found beyond the paper.
+        """
+        self._findings = {
+            "What holds": holds,
+            "What fails": fails,
+            "What is open": undecided,
+            "What it hangs on": depends,
+            "Beyond the paper": beyond,
+        }
+        print(*(f"{title}. {text}" for title, text in self._findings.items()), sep="\n")
+
+    def finish(self) -> None:
         """Write claims, deviations and parameters; the results are complete from here on.
 
         Raises
         ------
         ValueError
-            If a claim of `expected_claims` was not judged, or one beyond them was, or
-            the origins of the parameters are missing.
+            If a declared claim was not judged, is said to be shown in a result that is not
+            there, or the findings or the origins of the parameters are missing.
         """
-        expected = [str(number) for number in expected_claims]
-        if set(expected) != set(self._claims):
-            odd = ", ".join(sorted(set(expected) ^ set(self._claims)))
-            raise ValueError(f"claims expected and claims judged differ: {odd}")
-        if self._origins is None:
-            raise ValueError("the origins of the parameters are missing")
-        deviations = ["table", "row", "column", "printed", "ours", "low", "high", "agrees"]
+        if missing := [number for number in self._declared if number not in self._claims]:
+            raise ValueError(f"claims that were not judged: {', '.join(missing)}")
+        for number, claim in self._declared.items():
+            for name in claim.shown:
+                if not any(self._folder.glob(f"{name}.*")):
+                    raise ValueError(f"claim {number} is shown in {name}, which is not there")
+        if self._origins is None or not self._findings:
+            what = "origins of the parameters" if self._origins is None else "findings"
+            raise ValueError(f"the {what} are missing")
+        deviations = ["table", "row", "column", "printed", "ours", "low", "high", "agrees", "why"]
         write(self._folder / "deviations.csv", _csv(deviations, self._deviations))
         origins = ["name", "value", "unit", "origin"]
         write(self._folder / "parameters.csv", _csv(origins, self._origins))
-        claims = {number: self._claims[number] for number in expected}
-        values = {number: claim["value"] for number, claim in claims.items()}
-        self._about["headline"] = {n: significant(x) for n, x in values.items() if x is not None}
+        claims = {number: self._claims[number] for number in self._declared}
+        worst = {number: claim["decisive"] for number, claim in claims.items()}
+        self._about["headline"] = {n: c["shown"] for n, c in worst.items() if c is not None}
         write(self._folder / "claims.json", json_text(claims))
+        write(self._folder / "findings.json", json_text(self._findings))
         with lock(self._results.with_name(f".{self._results.name}.lock")):
             # Beside the folder, not in it: the runner moves this part into the manifest.
             write(self._results.with_suffix(".json"), json_text(self._about))
             place(self._folder, self._results)
         self._folder = self._results
         Report._style.close()
-        counts = [sum(c["verdict"] == v for c in claims.values()) for v in VERDICTS]
-        print("; ".join(f"{n} {v}" for n, v in zip(counts, VERDICTS, strict=True)))
+        counts = Counter(claim["verdict"] for claim in claims.values())
+        print("; ".join(f"{counts[v]} {v}" for v in VERDICTS))
