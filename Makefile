@@ -11,14 +11,16 @@ PYTHON :=
 PAPER :=
 QUICK :=
 PARAMS :=
+SEED :=
 GIVEN := $(foreach v,$(.VARIABLES),$(if $(findstring command,$(origin $v)),$v))
-UNKNOWN := $(filter-out PYTHON PAPER QUICK PARAMS,$(GIVEN))
-$(if $(UNKNOWN),$(error unknown: $(UNKNOWN:%=%=...); did you mean PAPER=, QUICK=, PARAMS= or PYTHON=?))
+UNKNOWN := $(filter-out PYTHON PAPER QUICK PARAMS SEED,$(GIVEN))
+$(if $(UNKNOWN),$(error unknown: $(UNKNOWN:%=%=...); did you mean PAPER=, QUICK=, PARAMS=, SEED= or PYTHON=?))
 # $(call belongs,VARIABLE,targets): others would silently do without it.
 belongs = $(if $(value $1),$(if $(filter-out $2 .venv,$(MAKECMDGOALS)),$(error $1 belongs to: make $2)))
-$(call belongs,PAPER,figures notebooks)
+$(call belongs,PAPER,figures notebooks confirm)
 $(call belongs,QUICK,figures)
 $(call belongs,PARAMS,figures)
+$(call belongs,SEED,confirm)
 
 YES := 1 y yes Yes YES true True TRUE on
 NO := 0 n no No NO false False FALSE off
@@ -37,10 +39,11 @@ STAMPS := $(CHOSEN:%=build/stamps/%)
 # Of PIP_... and pip's files, src/seanav/environment.py keeps the way to a registry.
 unexport $(filter-out SEANAV_THREADS,$(filter PYTHON% VIRTUAL_ENV CONDA_% IPYTHON% JUPYTER% JPY_% \
   MPL% MATPLOTLIB% NUMBA_% GDAL_% PROJ_% PYTEST_% COVERAGE_% HYPOTHESIS_% RUFF_% PAPERMILL_% \
-  SEANAV_% PAPER QUICK PARAMS,$(.VARIABLES)))
+  SEANAV_% PAPER QUICK PARAMS SEED,$(.VARIABLES)))
 # Handed over in the environment: no shell and no make reads quotes and dollars in them.
 export SEANAV_PARAMS := $(value PARAMS)
 export SEANAV_PYTHON := $(value PYTHON)
+export SEANAV_SEED := $(value SEED)
 # The same texts in every language.
 export PYTHONUTF8 := 1
 export PYTHONNOUSERSITE := 1
@@ -58,7 +61,7 @@ export JUPYTER_RUNTIME_DIR := $(CURDIR)/build/home/jupyter/runtime
 BIN := .venv/bin
 SEANAV := $(BIN)/python -m seanav
 
-.PHONY: help figures notebooks test soak lint format lock lockcheck bench book clean .venv FORCE
+.PHONY: help figures notebooks confirm test soak lint format lock lockcheck bench book clean .venv FORCE
 
 help: ## list the targets
 	@echo "make TARGET [PYTHON=python3.12]"
@@ -80,13 +83,18 @@ note = $(strip $(shell cat build/stamps/$1.d 2>/dev/null))
 whole = $(if $(subst $2,,$(strip build/stamps/$1: $(files) $(files:=:))),FORCE,$(or $(files),FORCE))
 files = $(filter-out %:,$2)
 present = $(if $(filter-out $(wildcard $1),$1),FORCE,$1)
+CONFIRMED := $(wildcard paper_figures/confirmation.csv)
 published = $(if $(wildcard paper_figures/$1/claims.json),,FORCE)
 noted = $(call published,$1) $(call present,$(call whole,$1,$(call note,$1)))
-$(STAMPS): build/stamps/%: notebooks/%.ipynb requirements.lock $$(call noted,$$*) | .venv
+$(STAMPS): build/stamps/%: notebooks/%.ipynb requirements.lock $(CONFIRMED) $$(call noted,$$*) | .venv
 	@$(SEANAV) run --paper $*
 
 notebooks: $(STAMPS) ## refresh the stored outputs of the notebooks from their full runs
 	@$(SEANAV) store $(CHOSEN:%=--paper %)
+
+confirm: .venv ## SEED=...: judge all claims again with a seed that was never run before
+	$(if $(SEED),,$(error make confirm SEED=...: a whole number that was never run before))
+	@$(SEANAV) confirm $(CHOSEN:%=--paper %) --seed "$$SEANAV_SEED"
 
 test: .venv ## all tests, then every notebook against its stored outputs and results
 	$(BIN)/python -m pytest -n 2 --dist loadfile

@@ -14,7 +14,7 @@ import re
 from pathlib import Path
 
 from seanav import runner
-from seanav.report import significant
+from seanav.claims import VERDICTS
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -61,7 +61,10 @@ def _parser():
     check.add_argument("--rtol", action=_Once, type=float, default=1e-6, help="%(default)g")
     cells = command(_cells, "write the parameters cells as src/seanav/studies/ declares them")
     claims = command(_claims, "list the claims and their verdicts")
-    for of_papers in (run, store, cells, claims):
+    claims.add_argument("--verdict", **several, choices=VERDICTS, help="only these")
+    confirm = command(_confirm, "judge all claims again with another seed")
+    confirm.add_argument("--seed", action=_Once, type=int, required=True)
+    for of_papers in (run, store, cells, claims, confirm):
         of_papers.add_argument("--paper", **several, help="numbers or names; default: all")
     return parser
 
@@ -99,6 +102,8 @@ def _store(root, given):
     for stem in runner.papers(root, given.paper):
         if warned := runner.store(root, stem):
             print(f"{stem}: stderr of cells {warned} is not stored", file=sys.stderr)
+    if runner.readme(root):
+        print("README.md: new table of claims")
     return 0
 
 
@@ -121,9 +126,15 @@ def _cells(root, given):
 def _claims(root, given):
     everything = runner.claims(root)
     for stem in runner.papers(root, given.paper):
-        for number, claim in everything.get(stem, {}).items():
-            value = "" if claim["value"] is None else f" ({significant(claim['value'])})"
-            print(f"{number} {claim['verdict']}: {claim['claim']}{value}")
+        print(*runner.listed(everything.get(stem, {}), given.verdict), sep="\n")
+    return 0
+
+
+def _confirm(root, given):
+    changed = runner.confirm(root, given.seed, runner.papers(root, given.paper))
+    for row in changed:
+        print(f"{row['claim']} {row['condition']}: {row['outcome']}, then {row['again']}")
+    print(f"{len(changed)} conditions changed; make figures counts them as undecided")
     return 0
 
 

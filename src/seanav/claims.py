@@ -121,7 +121,7 @@ class Condition:
     @property
     def margin(self) -> float:
         """How far inside its region the value lies, in parts of the nearer end; < 0: outside."""
-        if not self.counts or self.estimate.diverged:
+        if isinstance(self.estimate, str) or self.estimate.diverged:
             return -math.inf
         value = self.estimate.value
         ends = ((value - self.low, self.low), (self.high - value, self.high))
@@ -146,7 +146,14 @@ class Condition:
 
 
 def agreement(
-    what: str, printed: float, ours: Estimate, paper_runs_se: float | None = None, **more: str
+    what: str,
+    printed: float,
+    ours: Estimate,
+    paper_runs_se: float | None = None,
+    *,
+    unit: str = "",
+    group: str = "",
+    aside: str = "",
 ) -> Condition:
     """Return the condition that a printed number and ours `agree` within sampling error.
 
@@ -155,12 +162,12 @@ def agreement(
     what : str
     printed, ours, paper_runs_se : float, Estimate, float
         As for `agrees`.
-    **more : str
-        `unit`, `group` or `aside` of the condition.
+    unit, group, aside : str
+        As for `Condition`.
     """
     far = math.exp(2.0 * _log_se(ours, paper_runs_se)) if not ours.diverged else 1.0
     low, high = sorted((printed / far, printed * far))
-    return Condition(what, ours, low, high, point=True, **more)
+    return Condition(what, ours, low, high, unit, group, aside, point=True)
 
 
 def agrees(printed: float, ours: Estimate, paper_runs_se: float | None = None) -> bool:

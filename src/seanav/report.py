@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import math
 import os
 import re
 import secrets
@@ -265,7 +264,9 @@ class Report:
         if len(groups) > 1:
             print(*(f"    {name}: {counted(group)}" for name, group in groups.items()), sep="\n")
 
-    def findings(self, *, holds: str, fails: str, undecided: str, depends: str, beyond: str) -> None:
+    def findings(
+        self, *, holds: str, fails: str, undecided: str, depends: str, beyond: str
+    ) -> None:
         """Say in one sentence each what the results mean; numbers in them come from the results.
 
         Parameters

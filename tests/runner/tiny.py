@@ -7,12 +7,13 @@ import nbformat
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-PARAMETERS = "runs = 20  # text\nnoise_mgal = 2.0\nname = 'real'\nradii = (1.0, 2.0)\nquick = False"
+PARAMETERS = "runs = 20  # text\nseed = 1\nnoise_mgal = 2.0\nname = 'real'\nradii = (1.0, 2.0)\nquick = False"
 STUDY = """
 import attrs
 from matplotlib import pyplot as plt
 from seanav import checks, estimates, montecarlo
-from seanav.report import Condition, Report
+from seanav.claims import Claim, Condition
+from seanav.report import Report
 
 @attrs.frozen
 class Scenario:
@@ -20,11 +21,13 @@ class Scenario:
     def __attrs_post_init__(self):
         checks.integer("runs", self.runs, at_least=2)
 
-report = Report("9_tiny", scenario=Scenario(runs // 10 if quick else runs), seed=1, quick=quick)
+CLAIMS = [Claim("9.1", "the mean | is positive", "section 2", "the mean is at least 0")]
+scenario = Scenario(runs // 10 if quick else runs)
+report = Report("9_tiny", scenario=scenario, claims=CLAIMS, seed=seed, quick=quick)
 """
 REPORT = """
 batches = montecarlo.parallel_map(abs, range(5), label="batches")
-rmse = estimates.mean(noise_mgal + montecarlo.normals(1, "noise", runs, ())[:])
+rmse = estimates.mean(noise_mgal + montecarlo.normals(seed, "noise", runs, ())[:])
 fig, ax = plt.subplots()
 ax.plot(batches)
 print(f"mean {rmse.value:.3f}")
@@ -34,8 +37,10 @@ FINISH = """
 report.table(1, ["noise", "mean"], [[noise_mgal, rmse.value]], "Means")
 report.parameters([("runs", runs, "", "text")])
 report.deviation("1", "noise 2", "mean", 2.0, rmse)
-report.claim("9.1", "the mean | is positive", [Condition("tiny", rmse, low=0.0)], "Monte Carlo")
-report.finish(["9.1"])
+report.claim("9.1", [Condition("tiny", rmse, low=0.0)], "Monte Carlo")
+words = dict.fromkeys(("fails", "undecided", "depends", "beyond"), "Nothing.")
+report.findings(holds=f"The mean is {rmse.value:.3f}.", **words)
+report.finish()
 """
 
 

@@ -10,17 +10,21 @@ from seanav.runner.checkout import (
     papers,
     parameters_cell,
 )
-from seanav.runner.publish import dependencies, imports, mend, publish, store, summary
+from seanav.runner.confirm import confirm
+from seanav.runner.publish import dependencies, imports, mend, publish, readme, store
 from seanav.runner.run import defaults, overrides, parameters, run
+from seanav.runner.summary import listed
 
 __all__ = [
     "Refused",
     "check",
     "claims",
+    "confirm",
     "declare",
     "defaults",
     "dependencies",
     "imports",
+    "listed",
     "manifest",
     "mend",
     "notebook",
@@ -29,7 +33,7 @@ __all__ = [
     "parameters",
     "parameters_cell",
     "publish",
+    "readme",
     "run",
     "store",
-    "summary",
 ]

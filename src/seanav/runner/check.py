@@ -7,8 +7,9 @@ import math
 import tomllib
 from pathlib import Path
 
-from seanav.runner.checkout import Refused, manifest, papers, results
-from seanav.runner.publish import mend, provenance, summary
+from seanav.runner.checkout import Refused, claims_in, manifest, papers, results
+from seanav.runner.publish import mend, provenance
+from seanav.runner.summary import PICTURE, in_readme, summary
 
 
 def check(root: Path, fresh: Path, rtol: float = 1e-6) -> list[str]:
@@ -43,7 +44,7 @@ def check(root: Path, fresh: Path, rtol: float = 1e-6) -> list[str]:
         if not (fresh / stem / "claims.json").is_file():
             wrong.append(f"{stem}: no complete results in {fresh.name}")
             continue
-        now = provenance(root, committed)
+        now = provenance(root, stem, committed)
         changed = [key for key in now if now[key] != entry.get(key)]
         wrong += [f"{stem}: {key} are not those of the manifest" for key in changed]
         about = json.loads((fresh / f"{stem}.json").read_text(encoding="utf-8"))
@@ -62,11 +63,20 @@ def check(root: Path, fresh: Path, rtol: float = 1e-6) -> list[str]:
             wrong += _differences(f"{stem}/{name}", old, new, rtol, exceptions)
     strays = {p.name for p in (root / "paper_figures").glob("[!.]*/")} - set(papers(root))
     wrong += [f"paper_figures/{name}: no such paper" for name in sorted(strays)]
-    report = root / "paper_figures" / "REPORT.md"
+    return wrong + _made_from_claims(root)
+
+
+def _made_from_claims(root):
+    folders = results(root)
+    if not folders:
+        return []
+    everything = {stem: claims_in(folder) for stem, folder in folders.items()}
+    report, wrong = root / "paper_figures" / "REPORT.md", []
     text = report.read_text(encoding="utf-8") if report.exists() else None
-    if results(root) and text != summary(results(root)):
+    if text != summary(root, folders, everything) or not report.with_name(PICTURE).exists():
         wrong.append("REPORT.md is not that of the claims: make figures")
-    return wrong
+    text, wanted = in_readme(root, everything)
+    return wrong + (["README.md counts other claims: make notebooks"] if text != wanted else [])
 
 
 def _numbers(path):

@@ -68,7 +68,8 @@ def manifest(root: Path) -> dict:
 def results(root: Path) -> dict[str, Path]:
     """Return the folder of committed results of every paper that has them, by stem."""
     folders = {stem: root / "paper_figures" / stem for stem in papers(root)}
-    return {stem: path for stem, path in folders.items() if (path / "claims.json").exists()}
+    whole = ("claims.json", "findings.json")
+    return {k: path for k, path in folders.items() if all((path / n).exists() for n in whole)}
 
 
 def claims(root: Path) -> dict[str, dict]:
@@ -79,3 +80,8 @@ def claims(root: Path) -> dict[str, dict]:
 def claims_in(folder: Path) -> dict[str, dict]:
     """Return the claims in a folder of results, by number."""
     return json.loads((folder / "claims.json").read_text(encoding="utf-8"))
+
+
+def findings_in(folder: Path) -> dict[str, str]:
+    """Return the findings in a folder of results, one sentence each by its title."""
+    return json.loads((folder / "findings.json").read_text(encoding="utf-8"))
