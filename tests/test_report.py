@@ -13,8 +13,9 @@ import pytest
 from matplotlib import colors, image, legend
 from matplotlib import pyplot as plt
 
-from seanav.estimates import Estimate, exact, from_influence, root_mean_square
-from seanav.report import VERDICTS, Condition, Report, agrees, json_text, significant, verdict
+from seanav.claims import Claim, Condition
+from seanav.estimates import Estimate, exact, root_mean_square, significant
+from seanav.report import Report, json_text
 
 
 @attrs.frozen
@@ -31,7 +32,11 @@ def results(tmp_path, monkeypatch):
 
 @pytest.fixture
 def report(results):
-    return Report("9_tiny", scenario=Scenario(), seed=7)
+    return opened(CLAIMS)
+
+
+def opened(claims=(), **more):
+    return Report("9_tiny", scenario=Scenario(), claims=claims, seed=7, **more)
 
 
 def between(low, high):
@@ -90,92 +95,18 @@ def test_json_keeps_ten_digits_and_refuses_what_is_not_a_number():
         json_text({"a": math.nan})
 
 
-# ---------------------------------------------------------------- verdicts
-
-
-@pytest.mark.parametrize(
-    ("interval", "outcome"),
-    [
-        ((0.1, 0.9), "holds"),
-        ((0.5, 1.0), "holds"),  # the end belongs to the region
-        ((0.9, 1.1), "straddles"),
-        ((1.0, 1.1), "straddles"),
-        ((1.1, 1.2), "fails"),
-    ],
-)
-def test_condition_looks_at_the_whole_interval(interval, outcome):
-    assert Condition("c", between(*interval), high=1.0).outcome == outcome
-    # The same mirrored: a claim of "at least".
-    mirrored = between(-interval[1], -interval[0])
-    assert Condition("c", mirrored, low=-1.0).outcome == outcome
-
-
-def test_condition_between_two_bounds():
-    assert Condition("c", between(1, 2), 0, 3).outcome == "holds"
-    assert Condition("c", between(-1, 4), 0, 3).outcome == "straddles"
-    assert Condition("c", between(4, 5), 0, 3).outcome == "fails"
-    assert Condition("c", between(-5, -4), 0, 3).outcome == "fails"
-
-
-HOLDS = Condition("near", between(1, 2), low=0)
-FAILS = Condition("far", between(-2, -1), low=0)
-STRADDLES = Condition("between", between(-1, 1), low=0)
-
-
-@pytest.mark.parametrize(
-    ("conditions", "expected"),
-    [
-        ([HOLDS, HOLDS], "reproduced"),
-        ([FAILS, FAILS], "not reproduced"),
-        ([HOLDS, FAILS], "partly"),
-        ([STRADDLES], "partly"),
-        ([HOLDS, STRADDLES], "partly"),
-        ([FAILS, STRADDLES], "partly"),
-        ([], "cannot be tested"),
-    ],
-)
-def test_verdict(conditions, expected):
-    assert verdict(conditions) == expected
-    assert expected in VERDICTS
-
-
-# ---------------------------------------------------------------- agreement
-
-
-def test_agreement_is_two_standard_errors_of_the_log_difference():
-    ours = Estimate(10.0, 9.0, 11.0, 0.3, 100)
-    limit = 2 * math.sqrt(0.03**2 + 0.03**2)
-    assert agrees(10.0 * math.exp(0.999 * limit), ours)
-    assert agrees(10.0 * math.exp(-0.999 * limit), ours)
-    assert not agrees(10.0 * math.exp(1.001 * limit), ours)
-    assert not agrees(10.0 * math.exp(-1.001 * limit), ours)
-    # The paper ran fewer runs: its error counts with its own size.
-    limit = 2 * math.sqrt(0.03**2 + 0.06**2)
-    assert agrees(10.0 * math.exp(0.999 * limit), ours, paper_runs_se=0.6)
-    assert not agrees(10.0 * math.exp(1.001 * limit), ours, paper_runs_se=0.6)
-
-
-def test_agreement_of_numbers_without_a_logarithm():
-    assert not agrees(-1.0, between(0.9, 1.1))
-    assert not agrees(0.0, between(0.9, 1.1))
-    assert not agrees(1.0, exact(0.0))
-    assert agrees(0.0, exact(0.0))
-    assert agrees(-1.0, Estimate(-1.01, -1.1, -0.9, 0.05, 10))
-
-
-def test_agreement_of_two_samples_of_one_truth_is_about_95_percent():
-    rng = np.random.default_rng(5)
-
-    def rmse():
-        return root_mean_square(rng.normal(0, 3.0, 300) ** 2)
-
-    share = np.mean([agrees(rmse().value, rmse()) for _ in range(1000)])
-    assert 0.93 < share < 0.975
-    # Negative control: a tenth more is seen often.
-    assert np.mean([agrees(1.1 * rmse().value, rmse()) for _ in range(1000)]) < 0.75
-
-
 # ---------------------------------------------------------------- files
+
+
+HOLDS = Condition("near", between(1, 2), low=0, unit="m")
+FAILS = Condition("far", between(-2, -1), low=0, group="north")
+OPEN = Condition("between", between(-1, 1), low=0, group="south")
+CLAIMS = (
+    Claim("9.1", "it is large", "section 1", "at least 2"),
+    Claim("9.2", "it is smaller", "section 2", "above 0", shown=("figure_01", "table_2")),
+    Claim("9.10", "it is known", "abstract", "nothing to test", stated=False),
+)
+FINDINGS = {name: f"{name}: 3." for name in ("holds", "fails", "undecided", "depends", "beyond")}
 
 
 def fill(report):
@@ -186,11 +117,14 @@ def fill(report):
     report.parameters(
         [("runs", 1000, "", "text", "Table 1"), ("radii_km", (1.0, 2.5), "km", "assumed")]
     )
-    report.deviation("2", "direct", "R = 1", 8.1, Estimate(8.0, 7.8, 8.2, 0.1, 1000))
-    report.claim("9.10", "later", [], "no statement")
-    report.claim("9.2", "smaller", [FAILS, STRADDLES], "Monte Carlo")
-    report.claim("9.1", "exact", [Condition("map", exact(3.0), low=2.0)], "a count")
-    report.finish(["9.1", "9.2", "9.10"])
+    ours = Estimate(8.0, 7.8, 8.2, 0.1, 1000)
+    report.deviation("2", "direct", "R = 1", 8.1, ours, why="another map")
+    report.deviation("2", "direct", "R = 2", 9.1, ours, why="another map")
+    report.claim("9.10", [], "no statement")
+    report.claim("9.2", [FAILS, OPEN], "Monte Carlo")
+    report.claim("9.1", [Condition("map", exact(3.0), low=2.0, unit="m")], "a count")
+    report.findings(**FINDINGS)
+    report.finish()
     return picture
 
 
@@ -201,6 +135,7 @@ def test_files_are_those_that_the_project_promises(report, results):
         "deviations.csv",
         "figure_01.pdf",
         "figure_01.png",
+        "findings.json",
         "parameters.csv",
         "table_2.csv",
     ]
@@ -208,7 +143,8 @@ def test_files_are_those_that_the_project_promises(report, results):
         "path,rmse_km\ndirect,0.3333333333\nplanned,2\n"
     )
     assert (results / "deviations.csv").read_text(encoding="utf-8") == (
-        "table,row,column,printed,ours,low,high,agrees\n2,direct,R = 1,8.1,8,7.8,8.2,true\n"
+        "table,row,column,printed,ours,low,high,agrees,why\n"
+        "2,direct,R = 1,8.1,8,7.8,8.2,true,\n2,direct,R = 2,9.1,8,7.8,8.2,false,another map\n"
     )
     with (results / "parameters.csv").open() as file:
         rows = list(csv.reader(file))
@@ -223,24 +159,50 @@ def test_claims_have_the_promised_form(report, results):
     fill(report)
     claims = json.loads((results / "claims.json").read_text(encoding="utf-8"))
     assert list(claims) == ["9.1", "9.2", "9.10"]
-    assert claims["9.1"] == {
-        "claim": "exact",
-        "verdict": "reproduced",
+    condition = {
+        "what": "map",
+        "group": "",
         "value": 3.0,
         "interval": None,
-        "basis": "a count. map: 3.00, claimed at least 2.00, holds.",
+        "unit": "m",
+        "region": [2.0, None],
+        "outcome": "holds",
+        "shown": "3.00 m",
+        "claimed": "at least 2.00",
+        "aside": "",
+        "confirmed": True,
     }
-    assert claims["9.2"]["interval"] == [-2.0, -1.0]
-    assert claims["9.2"]["verdict"] == "partly"
-    # The basis says which condition failed and which one straddles.
-    assert "far: -1.50 [-2.00, -1.00], claimed at least 0, fails" in claims["9.2"]["basis"]
-    assert "between: 0 [-1.00, 1.00], claimed at least 0, straddles" in claims["9.2"]["basis"]
-    assert claims["9.10"]["value"] is None
+    assert claims["9.1"] == {
+        "quote": "it is large",
+        "section": "section 1",
+        "reading": "at least 2",
+        "stated": True,
+        "verdict": "reproduced",
+        "holds": 1,
+        "fails": 0,
+        "undecided": 0,
+        "decisive": condition,
+        "basis": "a count",
+        "shown": [],
+        "conditions": [condition],
+    }
+    assert claims["9.2"]["verdict"] == "not reproduced"
+    assert claims["9.2"]["decisive"]["what"] == "far"
+    assert claims["9.2"]["conditions"][1]["interval"] == [-1.0, 1.0]
+    assert claims["9.2"]["conditions"][1]["region"] == [0.0, None]
+    assert claims["9.10"]["decisive"] is None
     assert claims["9.10"]["verdict"] == "cannot be tested"
+    assert json.loads((results / "findings.json").read_text(encoding="utf-8")) == {
+        "What holds": "holds: 3.",
+        "What fails": "fails: 3.",
+        "What is open": "undecided: 3.",
+        "What it hangs on": "depends: 3.",
+        "Beyond the paper": "beyond: 3.",
+    }
 
 
 def test_quick_claims_are_marked(results):
-    fill(Report("9_tiny", scenario=Scenario(), seed=7, quick=True))
+    fill(opened(CLAIMS, quick=True))
     claims = json.loads((results / "claims.json").read_text(encoding="utf-8"))
     assert all(claim["quick"] is True for claim in claims.values())
 
@@ -251,7 +213,7 @@ def test_part_for_the_manifest(report, results):
         "seed": 7,
         "quick": False,
         "parameters": {"runs": 1000, "radii_km": [1.0, 2.5]},
-        "headline": {"9.1": "3.00", "9.2": "-1.50"},
+        "headline": {"9.1": "3.00 m", "9.2": "-1.50 [-2.00, -1.00]"},
     }
 
 
@@ -259,7 +221,7 @@ def test_files_are_byte_identical_on_a_rerun(results, monkeypatch):
     def once(epoch):
         # Dates in a file would come from the clock or from this variable.
         monkeypatch.setenv("SOURCE_DATE_EPOCH", epoch)
-        fill(Report("9_tiny", scenario=Scenario(), seed=7))
+        fill(opened(CLAIMS))
         return {path.name: path.read_bytes() for path in results.iterdir()}
 
     assert once("1000000000") == once("1700000000")
@@ -267,7 +229,7 @@ def test_files_are_byte_identical_on_a_rerun(results, monkeypatch):
 
 def test_a_picture_is_the_same_if_the_last_digits_of_its_numbers_are_not(results):
     def drawn(noise):
-        report = Report("9_tiny", scenario=Scenario(), seed=7)
+        report = opened(CLAIMS)
         fig, (left, right) = plt.subplots(1, 2)
         x = np.linspace(0.1, 7, 400)
         y = np.exp(np.sin(x)) * (1 + noise * np.cos(9 * x))
@@ -318,18 +280,17 @@ def test_few_colours_keep_those_of_thin_lines(report):
     assert path.stat().st_size < 0.5 * whole.tell()
 
 
-def test_a_filter_that_diverged_is_shown_as_such_and_holds_no_claim(report, results, capsys):
+def test_a_filter_that_diverged_is_shown_as_such_and_holds_no_claim(results, capsys):
     lost = root_mean_square(np.array([1.0, math.inf]))
-    for region in ({"low": 0.0}, {"high": 1.0}, {}):
-        assert Condition("lost", lost, **region).outcome == "fails"
-    assert not agrees(1.0, lost)
-    report.claim("9.1", "it converges", [Condition("lost", lost, high=1.0)], "Monte Carlo")
-    assert "9.1 not reproduced: it converges (diverges)" in capsys.readouterr().out
+    report = opened(CLAIMS[:1])
+    report.claim("9.1", [Condition("lost", lost, high=1.0)], "Monte Carlo")
+    assert "9.1 not reproduced: 0 of 1 hold, 1 fail, 0 undecided" in capsys.readouterr().out
     report.parameters([])
-    report.finish(["9.1"])
+    report.findings(**FINDINGS)
+    report.finish()
     claim = json.loads((results / "claims.json").read_text(encoding="utf-8"))["9.1"]
-    assert claim["value"] is None
-    assert "lost: diverges, claimed at most 1.00, fails" in claim["basis"]
+    assert claim["decisive"]["value"] is None
+    assert claim["decisive"]["shown"] == "diverges"
 
 
 def test_a_busy_machine_is_no_error(report, monkeypatch):
@@ -359,42 +320,63 @@ def test_what_is_printed_is_rounded(report, capsys):
     fill(report)
     printed = capsys.readouterr().out
     assert "direct   0.333\n" in printed
-    assert "9.2 partly: smaller (-1.50 [-2.00, -1.00])\n" in printed
-    assert "1 reproduced; 1 partly; 0 not reproduced; 1 cannot be tested\n" in printed
+    assert "9.2 not reproduced: 0 of 2 hold, 1 fail, 1 undecided\n" in printed
+    assert "decisive: far: -1.50 [-2.00, -1.00], claimed at least 0, fails\n" in printed
+    assert "    north: 0 of 1 hold, 1 fail, 0 undecided\n" in printed
+    assert "“it is known” (abstract, only implied)" in printed
+    counts = "1 reproduced; 0 mixed; 0 undecided; 1 not reproduced; 1 cannot be tested\n"
+    assert printed.endswith(counts)
 
 
 def test_older_results_stay_until_the_new_ones_are_complete(results):
     results.mkdir()
     (results / "figure_09.png").write_text("stale", encoding="utf-8")
-    report = Report("9_tiny", scenario=Scenario(), seed=7)
+    report = opened()
     assert [path.name for path in results.iterdir()] == ["figure_09.png"]
     report.parameters([])
-    report.finish([])
+    report.findings(**FINDINGS)
+    report.finish()
     assert not (results / "figure_09.png").exists()
     assert (results / "claims.json").is_file()
 
 
 def test_by_hand_results_stay_below_build(monkeypatch):
     monkeypatch.delenv("SEANAV_RESULTS", raising=False)
-    report = Report("9_by_hand_test", scenario=Scenario(), seed=7)
+    report = Report("9_by_hand_test", scenario=Scenario(), claims=(), seed=7)
     assert report._results.parts[-3:] == ("build", "by_hand", "9_by_hand_test")
 
 
 # ---------------------------------------------------------------- refusals
 
 
-def test_finish_demands_every_claim_and_no_other(report, results):
-    report.parameters([])
-    report.claim("9.1", "a", [], "b")
-    for expected in (["9.1", "9.2"], []):
-        with pytest.raises(ValueError, match="claims expected and claims judged differ: 9"):
-            report.finish(expected)
+def test_finish_demands_every_claim_the_findings_and_the_origins(results):
+    report = opened(CLAIMS[:2])
+    for message in (
+        "claims that were not judged: 9.1, 9.2",
+        "claim 9.2 is shown in figure_01, which is not there",
+        "the origins of the parameters are missing",
+        "the findings are missing",
+    ):
+        with pytest.raises(ValueError, match=message):
+            report.finish()
+        if "judged" in message:
+            report.claim("9.1", [], "b")
+            report.claim("9.2", [], "b")
+        elif "figure_01" in message:
+            report.figure(1, plt.figure(), "empty")
+            report.table(2, ["a"], [[1]], "one")
+        elif "origins" in message:
+            report.parameters([])
     assert not (results / "claims.json").exists()
 
 
-def test_finish_demands_the_origins_of_the_parameters(report):
-    with pytest.raises(ValueError, match="origins of the parameters"):
-        report.finish([])
+def test_a_claim_is_a_declared_one_judged_once_by_facts_of_their_own(report):
+    report.claim("9.10", [], "")
+    for number in ("9.3", "9.10"):
+        with pytest.raises(ValueError, match=f"claim {number} is not declared, or is judged twice"):
+            report.claim(number, [], "")
+    with pytest.raises(ValueError, match=r"claim 9\.1: there are two conditions 'near'"):
+        report.claim("9.1", [HOLDS, FAILS, HOLDS], "")
 
 
 def test_unknown_origin_is_refused(report):
@@ -406,8 +388,6 @@ def test_nothing_is_overwritten_within_a_run(report):
     fill(report)
     with pytest.raises(ValueError, match="table 2 is there already"):
         report.table(2, ["a"], [[1]], "again")
-    with pytest.raises(ValueError, match=r"claim 9\.1 is judged twice"):
-        report.claim("9.1", "again", [], "")
 
 
 def test_a_number_that_is_no_file_name_is_refused(report):
@@ -418,8 +398,3 @@ def test_a_number_that_is_no_file_name_is_refused(report):
 def test_a_row_that_does_not_fit_is_refused(report):
     with pytest.raises(ValueError, match="does not fit the columns"):
         report.table(1, ["a", "b"], [[1]], "short")
-
-
-def test_condition_of_an_estimate_from_runs():
-    estimate = from_influence(1.0, np.random.default_rng(1).normal(0, 0.1, 1000))
-    assert Condition("c", estimate, low=0.9).outcome == "holds"

@@ -18,9 +18,10 @@ import nbformat
 import pytest
 
 from seanav import runner
-from seanav.report import VERDICTS
+from seanav.claims import VERDICTS, counted, outcomes_of
 
 ROOT = Path(__file__).resolve().parents[1]
+REPORT = Path("paper_figures", "REPORT.md")
 PACKAGE = ROOT / "src" / "seanav"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 NOTEBOOKS = [ROOT / "notebooks" / f"{stem}.ipynb" for stem in runner.papers(ROOT)]
@@ -307,10 +308,38 @@ def test_make_help_lists_every_target():
     assert set(phony) - {"FORCE"} == set(listed)
 
 
-def test_the_readme_counts_the_verdicts_of_every_paper():
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    for stem, claims in runner.claims(ROOT).items():
+def test_report_readme_and_notebooks_count_the_same_claims():
+    everything = runner.claims(ROOT)
+    assert list(everything) == runner.papers(ROOT)
+    readme, report = ((ROOT / n).read_text("utf-8") for n in ("README.md", REPORT))
+    for stem, claims in everything.items():
         counts = Counter(claim["verdict"] for claim in claims.values())
-        (line,) = [line for line in readme.splitlines() if f"notebooks/{stem}.ipynb" in line]
+        (line,) = [x for x in readme.splitlines() if f"](notebooks/{stem}.ipynb)" in x]
         cells = [cell.strip() for cell in line.strip("|").split("|")]
-        assert [int(cell) for cell in cells[2:]] == [counts[verdict] for verdict in VERDICTS], stem
+        assert [int(cell) for cell in cells[1:-1]] == [counts[verdict] for verdict in VERDICTS]
+        *_, last = runner.notebook(ROOT, stem).cells
+        said = "; ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS)
+        assert said in last.outputs[0].text
+        for number, claim in claims.items():
+            found = counted(outcomes_of(claim))
+            assert f"**{claim['verdict']}**" in report
+            (row,) = [x for x in report.splitlines() if x.startswith(f"| {number} | “")]
+            assert found in row or not claim["decisive"]
+
+
+def test_a_mixed_claim_says_by_groups_where_it_holds():
+    for stem, claims in runner.claims(ROOT).items():
+        for number, claim in claims.items():
+            if claim["verdict"] == "mixed":
+                counted_ = [c for c in claim["conditions"] if not c["aside"]]
+                groups = {c["group"] for c in counted_}
+                assert len(groups) > 1, (stem, number)
+                assert all(groups), (stem, number)
+
+
+def test_conditions_of_a_claim_are_facts_of_their_own():
+    for stem, claims in runner.claims(ROOT).items():
+        for number, claim in claims.items():
+            sampled = [c for c in claim["conditions"] if c["interval"] and not c["aside"]]
+            facts = [(c["value"], *c["interval"], *c["region"]) for c in sampled]
+            assert len(set(facts)) == len(facts), (stem, number)

@@ -14,6 +14,7 @@ from tiny import CHECKOUT, cell, save, tree
 from seanav import runner
 from seanav.__main__ import main
 from seanav.runner import Refused
+from seanav.runner.summary import BEGIN, END
 
 
 @pytest.fixture
@@ -53,8 +54,10 @@ def test_numbers_are_compared_within_the_tolerance(finished, fresh, capsys):
 DAMAGE = {
     "number in a table": lambda new, root: edit(new / "9_tiny/table_1.csv", "\n2,", "\n2.1,"),
     "word in a claim": lambda new, root: edit(new / "9_tiny/claims.json", "Monte", "Other"),
-    "verdict": lambda new, root: edit(new / "9_tiny/claims.json", '"reproduced"', '"partly"'),
-    "end of an interval": lambda new, root: edit(new / "9_tiny/claims.json", "[\n      ", "[\n 9"),
+    "verdict": lambda new, root: edit(new / "9_tiny/claims.json", '"reproduced"', '"mixed"'),
+    "end of an interval": lambda new, root: edit(
+        new / "9_tiny/claims.json", '"interval": [\n        ', '"interval": [\n 9'
+    ),
     "row more": lambda new, root: edit(new / "9_tiny/table_1.csv", "\n2,", "\n1,1\n2,"),
     "row at the end": lambda new, root: append(new / "9_tiny/table_1.csv", "3,3\n"),
     "row less": lambda new, root: append(root / "paper_figures/9_tiny/table_1.csv", "3,3\n"),
@@ -71,6 +74,14 @@ DAMAGE = {
         root / "paper_figures/9_tiny/table_1.csv", "\n2,", "\n2.0,"
     ),
     "edited report": lambda new, root: edit(root / "paper_figures/REPORT.md", "1 of 1", "2 of 1"),
+    "no picture of the claims": lambda new, root: (root / "paper_figures/claims.png").unlink(),
+    "other findings": lambda new, root: edit(new / "9_tiny/findings.json", "is 2.", "is 3."),
+    "region moved since": lambda new, root: edit(
+        root / "notebooks/9_tiny.ipynb", "low=0.0", "low=-1.0"
+    ),
+    "readme counts others": lambda new, root: (root / "README.md").write_text(
+        f"{BEGIN}\n| 9 tiny | 2 |\n{END}\n", encoding="utf-8"
+    ),
     "other lock": lambda new, root: edit(root / "requirements.lock", "numpy", "Numpy"),
     "cut manifest": lambda new, root: edit(root / "paper_figures/manifest.json", '"lock"', '"l"'),
     "other numpy": lambda new, root: edit(
@@ -120,9 +131,13 @@ def test_nothing_to_check_without_a_paper(root):
 def test_list_and_claims(finished, capsys):
     main(["--root", str(finished), "list"])
     main(["--root", str(finished), "claims", "--paper", "9"])
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[-2] == "9_tiny"
-    assert lines[-1].startswith("9.1 reproduced: the mean | is positive (")
+    listed, *lines = capsys.readouterr().out.splitlines()
+    assert listed == "9_tiny"
+    assert lines[0] == "9.1 reproduced: 1 of 1 hold, 0 fail, 0 undecided"
+    assert lines[1].strip() == "“the mean | is positive” (section 2)"
+    assert lines[3].strip().startswith("decisive: tiny: 2.")
+    main(["--root", str(finished), "claims", "--verdict", "mixed", "undecided"])
+    assert not capsys.readouterr().out.strip()
 
 
 def test_a_parameters_cell_is_written_as_declared(finished):

@@ -157,7 +157,10 @@ def test_an_own_notebook_is_no_paper(finished):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["PARAM=runs=20"], "unknown: PARAM=...; did you mean PAPER=, QUICK=, PARAMS= or PYTHON=?"),
+        (
+            ["PARAM=runs=20"],
+            "unknown: PARAM=...; did you mean PAPER=, QUICK=, PARAMS=, SEED= or PYTHON=?",
+        ),
         (["paper=3"], "unknown: paper=...; did you mean"),
         (["PAPERS=3", "Quick=1"], "unknown: "),
         (["CHOSEN=8_other"], "unknown: CHOSEN=...; did you mean"),
@@ -169,7 +172,9 @@ def test_an_own_notebook_is_no_paper(finished):
         (["QUICK=2"], "QUICK=2: must be 1 or 0."),
         (["notebooks", "QUICK=1"], "QUICK belongs to: make figures."),
         (["test", "PARAMS=runs=2"], "PARAMS belongs to: make figures."),
-        (["test", "PAPER=9"], "PAPER belongs to: make figures notebooks."),
+        (["SEED=3"], "SEED belongs to: make confirm."),
+        (["confirm"], "make confirm SEED=...: a whole number"),
+        (["test", "PAPER=9"], "PAPER belongs to: make figures notebooks confirm."),
     ],
 )
 def test_make_refuses_what_it_would_not_follow(finished, words, message):

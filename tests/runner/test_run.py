@@ -27,6 +27,7 @@ def test_defaults_are_the_literals_of_the_tagged_cell(root):
     known = runner.defaults(runner.notebook(root, "9_tiny"))
     assert known == {
         "runs": 20,
+        "seed": 1,
         "noise_mgal": 2.0,
         "name": "real",
         "radii": (1.0, 2.0),
@@ -114,6 +115,7 @@ def test_full_run_publishes_everything(finished):
         "deviations.csv",
         "figure_01.pdf",
         "figure_01.png",
+        "findings.json",
         "parameters.csv",
         "table_1.csv",
     }

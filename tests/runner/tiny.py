@@ -7,7 +7,14 @@ import nbformat
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-PARAMETERS = "runs = 20  # text\nseed = 1\nnoise_mgal = 2.0\nname = 'real'\nradii = (1.0, 2.0)\nquick = False"
+PARAMETERS = """
+runs = 20  # text
+seed = 1
+noise_mgal = 2.0
+name = 'real'
+radii = (1.0, 2.0)
+quick = False
+"""
 STUDY = """
 import attrs
 from matplotlib import pyplot as plt
