@@ -26,6 +26,8 @@ def start():
             stderr=subprocess.PIPE,
             start_new_session=True,
             encoding="utf-8",
+            # As from a terminal, even if these tests run under nohup, which a run would heed.
+            preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
         )
         started.append(process)
         return process
