@@ -1,47 +1,89 @@
-"""Render the notebooks and the report of claims as web pages in build/book/."""
+"""Build the book, `build/book/`, from the stored notebooks, the report and the pages here."""
 
+import importlib.util
+import pkgutil
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import nbformat
-from nbconvert import HTMLExporter
+from nbformat.v4 import new_markdown_cell
 
+import seanav
 from seanav.runner import papers
 
 ROOT = Path(__file__).resolve().parents[1]
+SOURCE, PAGES = ROOT / "build" / "book-source", ROOT / "build" / "book"
+PRIVATE = ("__main__", "_", "runner", "environment")
 
 
-def chapter(book: nbformat.NotebookNode) -> str:
-    """Return a notebook as a page of HTML, its solutions folded."""
-    # "Folded" replaces "hidden by the front end", which a page could not unfold.
+def chapter(stem: str) -> nbformat.NotebookNode:
+    """Return a notebook as a chapter: solutions folded, pictures with words, downloads."""
+    book = nbformat.read(ROOT / "notebooks" / f"{stem}.ipynb", as_version=4)
     for cell in book.cells:
-        cell.metadata.get("jupyter", {}).pop("source_hidden", None)
-    folders = [str(ROOT / "book")]
-    exporter = HTMLExporter(template_name="folded", extra_template_basedirs=folders)
-    return exporter.from_notebook_node(book)[0]
+        tags = cell.metadata.get("tags", [])
+        cell.metadata = nbformat.from_dict({"tags": tags})
+        if "solution" in tags:
+            cell.metadata.tags = [*tags, "hide-cell"]
+            cell.metadata.mystnb = {"code_prompt_show": "Solution", "code_prompt_hide": "Solution"}
+        captions = [
+            output.metadata["image/png"]["alt"]
+            for output in cell.get("outputs", [])
+            if "alt" in output.get("metadata", {}).get("image/png", {})
+        ]
+        if captions:
+            cell.metadata.setdefault("mystnb", {})["image"] = {"alt": " ".join(captions)}
+    folder = ROOT / "paper_figures" / stem
+    files = sorted(folder.glob("figure_*.pdf")) + sorted(folder.glob("table_*.csv"))
+    links = [f"[{path.stem.replace('_', ' ')}]({stem}/{path.name})" for path in files]
+    text = f"**Downloads.** [This notebook](downloads/{stem}.ipynb); " + ", ".join(links) + "."
+    book.cells.append(new_markdown_cell(text))
+    return book
 
 
-def main() -> None:
-    """Write one page per notebook, one for the report, and an index."""
-    pages = ROOT / "build" / "book"
-    pages.mkdir(parents=True, exist_ok=True)
-    names = papers(ROOT)
-    for path in [ROOT / "notebooks" / f"{name}.ipynb" for name in names]:
-        (pages / f"{path.stem}.html").write_text(
-            chapter(nbformat.read(path, as_version=4)), encoding="utf-8"
-        )
-    report, contents = ROOT / "paper_figures" / "REPORT.md", "# seanav\n\n"
-    if report.exists():
-        names.append("REPORT")
-        text = nbformat.v4.new_markdown_cell(report.read_text(encoding="utf-8"))
-        page = chapter(nbformat.v4.new_notebook(cells=[text], metadata={"title": "Claims"}))
-        (pages / "REPORT.html").write_text(page, encoding="utf-8")
-    contents += "\n".join(f"- [{name}]({name}.html)" for name in names)
-    index = nbformat.v4.new_notebook(
-        cells=[nbformat.v4.new_markdown_cell(contents)], metadata={"title": "seanav"}
-    )
-    (pages / "index.html").write_text(chapter(index), encoding="utf-8")
-    print(f"{len(names)} pages and index.html in {pages.relative_to(ROOT)}/")
+def reference() -> str:
+    """Return the page of the public modules."""
+    names = [
+        module.name
+        for module in pkgutil.walk_packages(seanav.__path__, "seanav.")
+        if not any(part.startswith(PRIVATE) for part in module.name.split(".")[1:])
+        and ".studies" not in module.name
+    ]
+    blocks = [f"## {name}\n\n```{{automodule}} {name}\n:members:\n```\n" for name in names]
+    return "# The functions\n\n" + "\n".join(blocks)
+
+
+def lay_out() -> None:
+    """Write the sources that Sphinx reads."""
+    shutil.rmtree(SOURCE, ignore_errors=True)
+    ignored = shutil.ignore_patterns("build.py", "__pycache__")
+    shutil.copytree(Path(__file__).parent, SOURCE, ignore=ignored)
+    for stem in papers(ROOT):
+        nbformat.write(chapter(stem), SOURCE / f"{stem}.ipynb")
+        shutil.copytree(ROOT / "paper_figures" / stem, SOURCE / stem)
+        (SOURCE / "downloads").mkdir(exist_ok=True)
+        shutil.copy(ROOT / "notebooks" / f"{stem}.ipynb", SOURCE / "downloads")
+    for name in ("claims.png", "REPORT.md"):
+        if (ROOT / "paper_figures" / name).exists():
+            shutil.copy(ROOT / "paper_figures" / name, SOURCE)
+    (SOURCE / "api.md").write_text(reference(), encoding="utf-8")
+    # From a package: nothing is fetched when a page is read.
+    mathjax = Path(importlib.util.find_spec("mathjax").origin).parent / "static/mathjax/es5"
+    target = SOURCE / "_static" / "mathjax"
+    shutil.copytree(mathjax / "input", target / "input")
+    shutil.copy(mathjax / "tex-svg.js", target)
+
+
+def main() -> int:
+    """Lay out the sources and call Sphinx; return its exit status."""
+    lay_out()
+    shutil.rmtree(PAGES, ignore_errors=True)
+    command = [sys.executable, "-m", "sphinx", "-q", "-b", "html", str(SOURCE), str(PAGES)]
+    done = subprocess.run(command, check=False)
+    print(f"{len(list(PAGES.glob('*.html')))} pages in {PAGES.relative_to(ROOT)}/")
+    return done.returncode
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
