@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 import textwrap
 from collections import Counter
 from collections.abc import Iterable
@@ -110,7 +111,7 @@ def _claim(stem, number, claim):
     number_ = f"{worst['what']}: {worst['shown']}, claimed {worst['claimed']}" if worst else ""
     kinds = {"figure": "png", "table": "csv"}
     links = " ".join(
-        f"[{name.replace('_', ' ')}]({stem}/{name}.{kinds[name.partition('_')[0]]})"
+        f"[{re.sub('_0*', ' ', name)}]({stem}/{name}.{kinds[name.partition('_')[0]]})"
         for name in claim["shown"]
     )
     verdict = f"**{claim['verdict']}**" + (f": {counted(outcomes_of(claim))}" if worst else "")
@@ -219,6 +220,8 @@ def picture(everything: dict[str, dict]) -> bytes:
         bars.set(xlim=(0, 1), xlabel="share of the conditions")
         for axes in (squares, bars):
             axes.grid(visible=False)
+            axes.spines[:].set_visible(False)
+            axes.tick_params(length=0)
         handles = [
             Patch(facecolor=colour, edgecolor="black", label=f"{letter} {verdict}")
             for verdict, (letter, colour) in COLOURS.items()
