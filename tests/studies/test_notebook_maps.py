@@ -64,6 +64,7 @@ def geotiff(path, crs, step, corner, values):
     options = {"height": rows, "width": columns, "count": 1, "dtype": "float64"}
     with rasterio.open(path, "w", driver="GTiff", crs=crs, transform=matrix, **options) as file:
         file.write(values, 1)
+        file.units = ["mGal"]
     return path
 
 
