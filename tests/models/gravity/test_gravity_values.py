@@ -83,7 +83,9 @@ def rewrite(path, **attributes):
         grid = file.createVariable("z", "i2", ("lat", "lon"))
         grid[:] = np.round(values / 0.01).astype("i2")
         for name, value in ({"units": "mGal", "scale_factor": 0.01} | attributes).items():
-            setattr(grid, name, value)
+            setattr(grid, name.replace("_FillValue", "_FillValuX"), value)
+    # The library would fail at this name.
+    path.write_bytes(path.read_bytes().replace(b"_FillValuX", b"_FillValue"))
     return path
 
 

@@ -12,6 +12,8 @@ from seanav.checks import ParameterError
 def text(variable: Any, name: str) -> str:
     """Return an attribute as text of one line, "" if there is none; it may be of any type."""
     value = variable.getncattr(name) if name in variable.ncattrs() else ""
+    if isinstance(value, bytes):  # as netCDF4 hands over a fill value that is text
+        value = value.decode("utf-8", "replace")
     parts = value.split("\0") if isinstance(value, str) else map(str, np.ravel(value)[:9])
     return " ".join(" ".join(parts).split())
 
