@@ -111,8 +111,9 @@ def outliers(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     The threshold is ours. The largest ratios met are 8.5 on real anomalies, from the geoid all
     around Japan with its trenches and seamounts, at steps of 1′ × 1.5′, 3′ × 3′ and 1 km (252
     maps), 10.3 over an isolated point mass as deep as the step is wide, a field sharper than a
-    grid of that step can hold, and 4.6 in white noise. A single node of 0 where the anomaly is
-    some 10 mGal reaches 10 to 1000, one of -999 more than 100.
+    grid of that step can hold, and 4.6 in white noise. A single node of -999 reaches more than
+    100. One of 0, where the anomaly is more than 10 mGal, reaches 10 to 50 at 1′ × 1.5′ and
+    more in smoother maps, but 3 to 6 at 3′: in a coarse, rough grid it is not told from the sea.
 
     Parameters
     ----------
