@@ -18,6 +18,7 @@ from rasterio.transform import Affine
 from seanav import runner
 from seanav.checks import ParameterError
 from seanav.runner import Refused
+from seanav.studies.gravity_planning.scenario import Scenario
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 STEM = "5_gravity_planning"
@@ -64,6 +65,7 @@ def geotiff(path, crs, step, corner, values):
     options = {"height": rows, "width": columns, "count": 1, "dtype": "float64"}
     with rasterio.open(path, "w", driver="GTiff", crs=crs, transform=matrix, **options) as file:
         file.write(values, 1)
+        file.units = ["mGal"]
     return path
 
 
@@ -135,6 +137,45 @@ def test_strict_run_with_a_grid_file(root):
     source = SOURCES["netcdf4"](root / "grid")
     check(runner.run(root, STEM, words=(*SMALL, f"map_source={source.name}")))
     assert not (root / "paper_figures").exists()
+
+
+def test_default_centre_gives_way_to_the_middle_of_the_file(tmp_path):
+    # Far from the default window; the notebook's printed source and table of parameters say so.
+    source = str(SOURCES["netcdf4-yx-360"](tmp_path / "own.nc"))
+    chart = Scenario(map_source=source).map()
+    assert chart.centre == pytest.approx(HERE, abs=1e-4)
+    assert chart.source == (
+        "own.nc, z, around its middle, -31.2° N -120.5° E, because it does not reach the default "
+        "centre"
+    )
+    rows = {row[0]: row[1:] for row in Scenario(map_source=source).origins()}
+    about = (
+        "deg",
+        "derived",
+        "the middle of your own grid, which does not reach the default centre",
+    )
+    assert rows["map_source"][0] == "own.nc"
+    assert rows["map_latitude_deg"] == (pytest.approx(-31.2), *about)
+    assert rows["map_longitude_deg"] == (pytest.approx(-120.5), *about)
+    stated = Scenario(map_source=source, map_latitude_deg=-31.1, map_longitude_deg=-120.4)
+    assert stated.map().centre == (-31.1, -120.4)
+    assert stated.map().source == "own.nc, z"
+    assert stated.origins()[1][1] == -31.1
+
+
+def test_default_centre_stays_where_the_file_covers_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(globals(), "HERE", (18.9, 128.1))
+    scenario = Scenario(map_source=str(geographic(tmp_path / "own.tif")))
+    assert scenario.map().centre == scenario.map_centre == (18.8, 128.0)
+    assert scenario.origins()[1][1] == 18.8
+
+
+def test_one_coordinate_that_is_chosen_is_not_moved(tmp_path):
+    source = str(geographic(tmp_path / "own.tif"))
+    with pytest.raises(
+        ParameterError, match=r"must cover .*; its middle is map_latitude_deg = -31"
+    ):
+        Scenario(map_source=source, map_latitude_deg=-31.2).map()
 
 
 @pytest.mark.parametrize(

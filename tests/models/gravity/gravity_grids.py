@@ -11,6 +11,7 @@ from seanav.models import gravity
 from seanav.models.gravity.files import from_file
 
 HERE = (18.8, 128.0)
+UNIT = {"units": "mGal"}
 NAMES = [("lat", "lon"), ("latitude", "longitude"), ("y", "x")]
 
 
@@ -62,7 +63,8 @@ def write_netcdf(
             for name in set(dimensions) - set(names):
                 dataset.createDimension(name, 1)
         for name, (values, dtype, attributes) in variables.items():
-            attributes = dict(attributes)
+            # None takes the unit that every other grid states
+            attributes = {k: v for k, v in (UNIT | attributes).items() if v is not None}
             fill = attributes.pop("_FillValue", None)
             variable = dataset.createVariable(name, dtype, dimensions or names, fill_value=fill)
             variable.setncatts(attributes)
@@ -82,7 +84,7 @@ def regional_netcdf(path, *, scale=1.0, attributes=None, name="z", change=None, 
 
 def write_geotiff(path, values, matrix, crs="EPSG:4326", dtype="float64", **options):
     bands = values if values.ndim == 3 else values[None]
-    units = options.pop("units", None)
+    units = options.pop("units", "mGal")
     scale = options.pop("scale", None)
     descriptions = options.pop("descriptions", None)
     with rasterio.open(

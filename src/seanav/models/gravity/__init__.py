@@ -4,6 +4,8 @@
     `GravityMap`, its gradient, values between its nodes, degrees to local kilometres;
 ``geoid``, ``files``
     a map from the geoid around Japan, from a user's own grid;
+``grids``, ``netcdf``, ``coordinates``, ``packing``, ``geotiff``, ``quality``
+    what ``files`` needs: a grid of any format, each format, whether its values can be so;
 ``sources``
     a random field, and one function for all of these.
 """

@@ -1,5 +1,6 @@
 """Paper 5: what can be chosen. Wang and Cai, preprint (2023)."""
 
+import dataclasses
 from pathlib import Path
 
 import attrs
@@ -8,14 +9,15 @@ import numpy as np
 from seanav import checks
 from seanav.checks import ParameterError
 from seanav.models import paths
-from seanav.models.gravity import GravityMap
-from seanav.models.gravity.files import MAP_UNITS
+from seanav.models.gravity import GravityMap, files
+from seanav.models.gravity.quality import MAP_UNITS
 from seanav.models.gravity.sources import load
 from seanav.models.units import KM
 from seanav.scenario import Choice, Integer, List, Number, Parameters, Text, parameter, tenth
 
 SAMPLES = 4_000_000  # runs times samples, at most: what is stored of them fits in a few GB
 
+_CENTRE = ("map_latitude_deg", "map_longitude_deg")
 _NODE = List(Integer(0), 2)
 _FAN = List(Number(at_least=-1e4, at_most=1e4))
 
@@ -39,7 +41,9 @@ def _own_path(name, value):
 class Scenario(Parameters):
     """Everything that can be chosen, checked at once; units are in the names.
 
-    Nodes are (east, north) counts of the map spacing from the lower left corner.
+    Nodes are (east, north) counts of the map spacing from the lower left corner. The map of an
+    own grid lies around the grid's middle if the centre is left at its default and the grid
+    does not reach there.
 
     Raises
     ------
@@ -53,6 +57,8 @@ class Scenario(Parameters):
         origin="assumed",
         note='"geoid" (JPGEO2024), "synthetic" or the path of your own grid',
     )
+    # An own grid that does not cover the map around the default centre is taken around its own
+    # middle, see map_centre; a centre that was chosen is taken as it is, or refused.
     map_latitude_deg: float = parameter(
         18.8,
         Number(at_least=-80, at_most=80),
@@ -197,8 +203,38 @@ class Scenario(Parameters):
 
         Results hold no path of a machine.
         """
-        first, *others = super().origins()
-        return [(first[0], Path(self.map_source).name, *first[2:]), *others]
+        rows = {row[0]: row for row in super().origins()}
+        name, _, *about = rows["map_source"]
+        rows[name] = (name, Path(self.map_source).name, *about)
+        if self.map_centre != self._stated_centre:
+            for name, degrees in zip(_CENTRE, self.map_centre, strict=True):
+                note = "the middle of your own grid, which does not reach the default centre"
+                rows[name] = (name, degrees, "deg", "derived", note)
+        return list(rows.values())
+
+    @property
+    def _stated_centre(self):
+        return self.map_latitude_deg, self.map_longitude_deg
+
+    @property
+    def map_centre(self) -> tuple[float, float]:
+        """Latitude and longitude of the middle of the map, degrees.
+
+        As the parameters say; but the middle of an own grid if they are left at their defaults
+        and the grid does not cover the map around these.
+
+        Raises
+        ------
+        seanav.checks.ParameterError
+            If that needs a look into a file that cannot be read as a grid.
+        """
+        stated = self._stated_centre
+        default = tuple(self.declared()[name][0] for name in _CENTRE)
+        if self.map_source in ("geoid", "synthetic") or stated != default:
+            return stated
+        latitude, longitude = stated
+        variable = self.map_variable or None
+        return files.centre(self.map_source, latitude, longitude, variable=variable)
 
     def map(self) -> GravityMap:
         """Load the map and check that the starts and the goal lie on it.
@@ -208,14 +244,22 @@ class Scenario(Parameters):
         seanav.checks.ParameterError
             As `seanav.models.gravity.sources.load`, and if a node is off the map.
         """
+        latitude, longitude = self.map_centre
         chart = load(
             self.map_source,
-            latitude_deg=self.map_latitude_deg,
-            longitude_deg=self.map_longitude_deg,
+            latitude_deg=latitude,
+            longitude_deg=longitude,
             variable=self.map_variable or None,
             unit=self.map_unit,
             seed=self.seed,
         )
+        if (latitude, longitude) != self._stated_centre:
+            # Printed with the map: the user did not ask for this place.
+            text = (
+                f"{chart.source}, around its middle, {latitude:g}° N {longitude:g}° E, because "
+                f"it does not reach the default centre"
+            )
+            chart = dataclasses.replace(chart, source=text)
         north, east = chart.anomaly.shape
         for name in ("start_1", "start_2", "goal"):
             node = getattr(self, name)
