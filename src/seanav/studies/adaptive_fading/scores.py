@@ -45,8 +45,8 @@ def mean_nees(nees: np.ndarray, samples: np.ndarray) -> estimates.Estimate:
 
 def over(one: estimates.Estimate, number: float) -> estimates.Estimate:
     """Return an estimate divided by an exact number above 0."""
-    ends = (x / number for x in (one.value, one.low, one.high, one.se))
-    return estimates.Estimate(*ends, one.count)
+    ends = one.low / number, one.high / number
+    return estimates.Estimate(one.value / number, *ends, one.se / number, one.count)
 
 
 def growth(errors: np.ndarray, case: Problem, scenario: Scenario, state: int) -> estimates.Estimate:
