@@ -87,7 +87,6 @@ def _one(scenario, index, setting):
         ("SFF(1)", "OKF"),
         ("SFF", "input bias"),
         ("input bias", "OKF"),
-        ("input bias", "MFF"),
     ]
     ratios = {pair: scores.ratio(squares[pair[0]], squares[pair[1]]) for pair in pairs}
     return Setting(*setting, ratios)
