@@ -265,3 +265,101 @@ def test_common_random_numbers_do_not_depend_on_the_number_of_runs():
     many = run.draw(SMALL, runs=5)
     np.testing.assert_array_equal(few.process, many.process[:3])
     assert isinstance(estimates.exact(1.0), estimates.Estimate)
+
+
+# Inside the adaptation, and the other trigger -----------------------------------------------
+
+
+def test_rule_24_is_met_as_often_as_a_chi_square_number_exceeds_its_mean():
+    # One measurement: Δ² > S is β > 1 exactly; in health that is P(χ²₁ > 1) = 0.317.
+    case = run.problem(SMALL, measured=("psi",), fault="none")
+    rows = beyond.triggers(SMALL, {"one": (case, run.draw(SMALL))})
+    rates = {(row[1], row[2]): row[3] for row in rows}
+    _, z = run.simulate(case, run.draw(SMALL))
+    for name, options in run.filters(SMALL).items():
+        if "method" in options:
+            track = run.estimate(SMALL, case, z, **options, trigger="trace")
+            share = (track.before[:, case.healthy] > 1.0).mean()
+            assert rates["trace", name].value == pytest.approx(share, abs=1e-3)
+            adapted = (track.factors > 1).any(axis=2)
+            assert not adapted[track.before < 1 - 1e-9].any()
+    never = attrs.evolve(SMALL, alpha=1e-12)
+    quiet = beyond.triggers(never, {"one": (case, run.draw(never))})
+    assert {row[3].value for row in quiet if row[1] == "chi2"} == {0.0}
+
+
+def test_right_side_of_24_is_the_innovations_mean_square_in_health():
+    case = run.problem(SMALL, fault="none")
+    _, z = run.simulate(case, run.draw(SMALL))
+    track = run.estimate(attrs.evolve(SMALL, alpha=1e-12), case, z, method="single")
+    told = beyond.predicted(case, track)[:, case.healthy]
+    seen = (track.innovation[:, case.healthy] ** 2).sum(axis=2)
+    assert told.mean() == pytest.approx(seen.mean(), rel=0.03)
+    # The sum of three squares that the steady covariance gives, by an independent solver.
+    P, _ = linear_covariance.steady_covariance(case.Phi, case.H, case.Q, case.R)
+    assert told[0, -1] == pytest.approx(np.trace(case.H @ P @ case.H.T + case.R), rel=1e-6)
+
+
+def test_rougher_noise_has_the_larger_covariance_after_the_fault_only():
+    case, noise = run.problem(SMALL, fault="none"), run.draw(SMALL)
+    truth, _ = run.simulate(case, run.rougher(case, noise, SMALL, 100.0))
+    w = truth[:, 1:] - truth[:, :-1] @ case.Phi.T - case.actual[1:]
+    late = case.times[1:] > SMALL.fault_time + 1e-9
+    for samples, factor in ((w[:, ~late], 1.0), (w[:, late], 100.0)):
+        variance = (samples**2).mean(axis=(0, 1)) / np.diagonal(case.Q)
+        np.testing.assert_allclose(variance, factor, rtol=0.05)
+
+
+def test_optimal_filter_under_rougher_noise_errs_as_linear_covariance_says():
+    case, factor = run.problem(SMALL, fault="none"), 100.0
+    rows = dict(beyond.changed_noise(SMALL, factor))
+    P = []
+    for scale in (1.0, factor):  # what the filter believes; the truth has the factor
+        before, _ = linear_covariance.steady_covariance(case.Phi, case.H, scale * case.Q, case.R)
+        K = before @ case.H.T @ np.linalg.inv(case.H @ before @ case.H.T + case.R)
+        A = np.eye(3) - K @ case.H
+        driven = A @ (factor * case.Q) @ A.T + K @ case.R @ K.T
+        P.append(np.diagonal(solve_discrete_lyapunov(A @ case.Phi, driven)))
+    expected = np.exp(0.5 * np.log(P[0] / P[1]).mean())
+    assert rows["OKF"].value == pytest.approx(expected, rel=0.03)
+
+
+def outcome(P):
+    return run.Outcome(*(None,) * 5, P)
+
+
+def test_larger_covariance_finds_the_direction_in_which_it_is_smaller():
+    P = np.tile(np.diag([4.0, 1e-6]), (5, 8, 1, 1))
+    samples = np.arange(8) >= 2
+    trace, least = scores.larger_covariance(outcome(2 * P), outcome(P), samples)
+    assert trace.value == pytest.approx(2.0)
+    assert least.value == pytest.approx(1.0)
+    smaller = 2 * P
+    smaller[3, 5, 1, 1] = 0.5e-6  # nothing in the trace, half of its own variance
+    trace, least = scores.larger_covariance(outcome(smaller), outcome(P), samples)
+    assert trace.value == pytest.approx(2.0, rel=1e-6)
+    assert least.value == pytest.approx(-0.5)
+
+
+def test_decay_compares_the_last_fifth_with_that_after_the_fault():
+    case = run.problem(SMALL)
+    factors = np.ones((4, len(case.times), 3))
+    factors[:, (case.times > 50) & (case.times <= 70)] = 9.0
+    factors[:, case.times > 80] = 3.0
+    assert scores.decay(factors, case, SMALL).value == pytest.approx(0.25)
+    assert "was not run" in scores.decay(np.ones_like(factors), case, SMALL)
+    late = attrs.evolve(SMALL, fault_time=70.0)
+    assert "was not run" in scores.decay(factors, run.problem(late), late)
+
+
+def test_innovation_based_adaptation_costs_its_window_and_two_products():
+    # Scalar by hand: Δ² for each of the window, then K C K.
+    plain = scores.operations(1, 1)
+    assert scores.operations(1, 1, "innovation", 7) == plain + 7 + 2
+    three = [scores.operations(3, 3, "innovation", w) for w in (1, 20)]
+    assert three[1] - three[0] == 19 * 6
+
+
+def test_an_estimate_over_a_number():
+    one = scores.over(estimates.Estimate(6.0, 4.0, 8.0, 1.0, 9), 2.0)
+    assert one == estimates.Estimate(3.0, 2.0, 4.0, 0.5, 9)

@@ -177,9 +177,9 @@ STUDIES = {
     ),
     "5": Study(
         gravity.Scenario,
-        {"runs": 2, "samples": 12, "fan_1_km": [11.0], "pairs": 2, "label_pairs": 2},
+        {"runs": 3, "samples": 12, "fan_1_km": [11.0], "pairs": 2, "label_pairs": 2},
         {
-            "runs": few(2, 3), "samples": few(10, 11, 30), "pairs": few(2, 3),
+            "runs": few(3, 4), "samples": few(10, 11, 30), "pairs": few(2, 3),
             "label_pairs": few(2, 3), "map_source": few("geoid", "synthetic", "none.nc", "tests"),
             "map_variable": few("", "2", "x"), "start_1": st.lists(st.integers(0, 101), min_size=2),
             "goal": st.lists(st.integers(0, 101), min_size=2, max_size=2),

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import spearmanr
 
 from seanav import estimates
 from seanav.filters.gravity import labels
@@ -50,6 +51,11 @@ def bows(scenario, pair):
     return kept, len(curves) - len(kept)
 
 
+def facts(planned, direct, fan, dropped=0, length_ratio=1.0, **more):
+    places = {"start": 0.5, "goal": 0.5, "crossed": 1.0, "early": 1.0, "late": 1.0}
+    return Bounds(planned, direct, fan, dropped, length_ratio, **(places | more))
+
+
 def test_bounds_of_a_pair_are_those_of_its_paths(chart):
     ours = beyond.bounds(SMALL, chart, PAIR, 2.0)
     kept, dropped = bows(SMALL, PAIR)
@@ -63,6 +69,51 @@ def test_bounds_of_a_pair_are_those_of_its_paths(chart):
     assert ours.dropped == dropped > 0
     assert ours.length_ratio == pytest.approx(paths.length(planned) / paths.length(direct))
     assert ours.length_ratio > 1
+    steep = np.hypot(*gravity.gradient(chart))
+    at = {n: steep[node[1], node[0]] for n, node in zip(("start", "goal"), PAIR, strict=True)}
+    for name, value in at.items():
+        assert getattr(ours, name) == np.mean(steep < value)
+    assert ours.crossed == np.mean(steep < max(steep[j, i] for i, j in nodes))
+    along = paths.length(direct)
+    first = round(15e3 / along * (SMALL.samples - 1))
+    slopes = gravity.interpolate(gravity.gradient(chart), chart.spacing, direct)
+    J, roots = np.eye(2) * 1e-6, []  # process noise of some metres changes nothing here
+    for step in range(1, SMALL.samples):
+        J = J + np.outer(slopes[step], slopes[step]) / 2e-5**2
+        roots.append(math.sqrt(np.trace(np.linalg.inv(J))))
+    assert ours.late == pytest.approx(np.mean(roots[first:]), rel=1e-4)
+
+
+def test_the_initial_stage_is_told_by_ranks_or_by_why_not():
+    pairs = [facts(1, 2, 3, start=k / 20, early=9.0 - k, late=(9.0 - k) ** 3) for k in range(12)]
+    pairs[3], pairs[4] = facts(1, 2, 3, start=0.2, early=6.0, late=9.0), pairs[3]
+    first, rest = beyond.initial_stage(pairs)
+    expected = [[one.start for one in pairs], [one.early for one in pairs]]
+    assert first.value == pytest.approx(spearmanr(*expected).statistic)
+    assert first.value < -0.9
+    assert rest.value > 0.9
+    assert "was not run" in beyond.initial_stage(pairs[:9])[0]
+    assert "was not run" in beyond.correlation([1.0] * 12, [2.0] * 12)
+
+
+def test_mean_ratio_is_geometric():
+    assert beyond.mean_ratio([1.0, 4.0, 2.0]).value == pytest.approx(2.0)
+    assert "was not run" in beyond.mean_ratio([1.0])
+
+
+def test_pairs_without_a_cheaper_label_are_searched_again(chart):
+    # On a map without a gradient no path is cheaper than the straight one; on FAR one is.
+    flat = gravity.GravityMap(np.zeros((61, 81)), 1000.0, "flat", "analytic")
+    tie = [Comparison(1.0, 1.0, {}, 0), Comparison(1.0, 1.0, {}, 0)]
+    assert beyond.still_as_good(SMALL, {"m": flat}, {"m": tie}, 1.0) == (2, 2)
+    assert beyond.still_as_good(SMALL, {"m": flat}, {"m": [Comparison(2.0, 1.0, {}, 0)]}, 1.0) == (
+        0,
+        0,
+    )
+    one = run.plan(SMALL, chart, FAR[0], 2.0, FAR[1])
+    many = run.plan_labels(SMALL, chart, FAR[0], 2.0, FAR[1], epsilon=1.0)
+    assert beyond.cheaper(one.cost, many.cost)
+    assert not beyond.cheaper(one.cost, one.cost * (1 - 1e-12))
 
 
 def test_comparison_runs_the_filter_on_the_best_bow_and_on_both_plans(chart):
@@ -105,14 +156,15 @@ def test_maps_have_pairs_of_their_own(chart):
 
 def test_a_plan_wins_only_below_both_the_best_bow_and_the_direct_path():
     results = [
-        Bounds(planned=1.0, direct=2.0, fan=3.0, dropped=1, length_ratio=1.5),
-        Bounds(planned=1.0, direct=2.0, fan=math.inf, dropped=10, length_ratio=1.1),
-        Bounds(planned=1.0, direct=2.0, fan=0.5, dropped=0, length_ratio=1.2),
-        Bounds(planned=1.0, direct=0.8, fan=3.0, dropped=0, length_ratio=1.3),
-        Bounds(planned=1.0, direct=2.0, fan=1.0, dropped=2, length_ratio=1.4),  # a tie
+        facts(planned=1.0, direct=2.0, fan=3.0, dropped=1, length_ratio=1.5),
+        facts(planned=1.0, direct=2.0, fan=math.inf, dropped=10, length_ratio=1.1),
+        facts(planned=1.0, direct=2.0, fan=0.5, dropped=0, length_ratio=1.2),
+        facts(planned=1.0, direct=0.8, fan=3.0, dropped=0, length_ratio=1.3),
+        facts(planned=1.0, direct=2.0, fan=1.0, dropped=2, length_ratio=1.4),  # a tie
     ]
     won = estimates.share(2, 5)
     assert beyond.share_won(results) == won
+    assert beyond.share_lost(results).value == 2 / 5  # a tie is neither won nor lost
     (row,) = beyond.share_table({("map", 2.0): results})
     assert row[:5] == ("map", 2.0, won.value, won.low, won.high)
     assert row[5:] == pytest.approx((1.0, 1.3, 13))  # medians, and a sum
@@ -204,8 +256,9 @@ def test_band_is_the_interval_of_every_sample():
     low, high = one.band()
     for column in range(3):
         expected = estimates.root_mean_square(squared[:, column])
-        assert (low[column], high[column]) == (expected.low, expected.high)
-    assert one.at(5.0) == estimates.root_mean_square(squared[:, 1])
+        ends = (expected.low, expected.high)
+        assert (low[column], high[column]) == pytest.approx(ends, rel=1e-12)
+    assert one.at(5.0).low == pytest.approx(low[1], rel=1e-12)
 
 
 def test_best_other_is_not_the_planned_path():

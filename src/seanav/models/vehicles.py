@@ -67,7 +67,7 @@ class Plane:
     Attributes
     ----------
     name : str
-        ``"steering"`` or ``"diving"``, with ``"as printed"`` where it is.
+        ``"steering"`` or ``"diving"``, with ``"in our copy"`` where it is.
     states, units : tuple of str
         Names and SI units of the states.
     A : ndarray (n, n)
@@ -214,7 +214,7 @@ PRINTED: dict[str, dict[str, Any]] = {
 
 
 def as_printed(name: str) -> Plane:
-    """Return the steering or diving `Plane` with the matrices exactly as printed.
+    """Return the steering or diving `Plane` with the matrices exactly as in our copy.
 
     The left sides, which print ψ and θ for their derivatives, are read as derivatives;
     anything else leaves no equation for that row.
@@ -230,7 +230,7 @@ def as_printed(name: str) -> Plane:
     damping = [[evaluate(entry) for entry in row] for row in parts["damping"]]
     fin = [evaluate(entry) for entry in parts["fin"]]
     labels = _STEERING if name == "steering" else _DIVING
-    return _plane(f"{name} as printed", labels[0], labels[1], mass, damping, fin)
+    return _plane(f"{name} in our copy", labels[0], labels[1], mass, damping, fin)
 
 
 def _term(text, values):

@@ -97,7 +97,7 @@ def block_gradient(
 
     Notes
     -----
-    Source: equations (36) and (37) of the paper. As printed they take one block from the
+    Source: equations (36) and (37) of the paper. In our copy they take one block from the
     map and the other from the measurement, of which there is only one; the difference
     of two blocks of the map is what gives a slope.
     """

@@ -82,7 +82,12 @@ def _one(scenario, index, setting):
         x = run.estimate(scenario, case, z, **given).x[..., : len(case.B)]
         squares[name] = scores.squares(x - truth, case.faulty)
     pairs = [("MFF", other) for other in options if other != "MFF"]
-    pairs += [("SFF", "OKF"), ("SFF(1)", "OKF"), ("SFF", "input bias"), ("input bias", "OKF")]
+    pairs += [
+        ("SFF", "OKF"),
+        ("SFF(1)", "OKF"),
+        ("SFF", "input bias"),
+        ("input bias", "OKF"),
+    ]
     ratios = {pair: scores.ratio(squares[pair[0]], squares[pair[1]]) for pair in pairs}
     return Setting(*setting, ratios)
 
@@ -205,3 +210,63 @@ def unit_change(scenario: Scenario, name: str, factors: list[float]) -> list[est
         errors = (run.estimate(scenario, case, z, **options).x - truth) / units
         squares.append(scores.squares(errors, case.faulty))
     return [scores.ratio(one, squares[0]) for one in squares[1:]]
+
+
+def triggers(scenario: Scenario, cases: dict[str, tuple[run.Problem, run.Noise]]) -> list:
+    """Return what the rules (41) and (24) do to each fading filter, and how often while healthy.
+
+    Returns
+    -------
+    list of (setting, rule, filter, share of healthy samples adapted, ratios of the RMSE to the
+    optimal filter's while healthy and after the fault), the last three `Estimate`
+    """
+    fading = {n: o for n, o in run.filters(scenario).items() if "method" in o}
+    jobs = [(name, rule, f) for name in cases for rule in ("chi2", "trace") for f in fading]
+
+    def one(job):
+        name, rule, chosen = job
+        case, noise = cases[name]
+        truth, z = run.simulate(case, noise)
+        track = run.estimate(scenario, case, z, **fading[chosen], trigger=rule)
+        optimal = run.estimate(scenario, case, z).x - truth
+        met = track.before > adaptive.threshold(scenario.alpha, len(case.H))
+        if rule == "trace":
+            met = (track.innovation**2).sum(axis=2) > predicted(case, track)
+        rate = estimates.mean(met[:, case.healthy].mean(axis=1))
+        ratios = [
+            scores.ratio(scores.squares(track.x - truth, s), scores.squares(optimal, s))
+            for s in (case.healthy, case.faulty)
+        ]
+        return name, rule, chosen, rate, *ratios
+
+    return montecarlo.parallel_map(one, jobs, label="triggers")
+
+
+def predicted(case: run.Problem, track: adaptive.AdaptiveTrack) -> np.ndarray:
+    """Return tr(H P⁻ Hᵀ + R) with Q as it is, (runs, steps): the right side of (24)."""
+    first = np.broadcast_to(case.P0, track.P[:, :1].shape)
+    before = np.concatenate([first, track.P[:, :-1]], axis=1)
+    S = case.H @ (case.Phi @ before @ case.Phi.T + case.Q) @ case.H.T + case.R
+    return np.trace(S, axis1=-2, axis2=-1)
+
+
+def changed_noise(scenario: Scenario, factor: float = 100.0) -> list:
+    """Return what a true Q that grows `factor` times at the fault's time does, without a fault.
+
+    Returns
+    -------
+    list of (filter, `Estimate`)
+        RMSE of the optimal filter over that of one with the new Q, then of the fading
+        filters over the optimal one's; geometric mean of the states.
+    """
+    case = run.problem(scenario, fault="none")
+    truth, z = run.simulate(case, run.rougher(case, run.draw(scenario), scenario, factor))
+
+    def squares(**options):
+        errors = run.estimate(scenario, case, z, **options).x - truth
+        return scores.squares(errors, case.faulty)
+
+    optimal = squares()
+    rows = [("OKF", scores.ratio(optimal, squares(scale=factor)))]
+    fading = {n: o for n, o in run.filters(scenario).items() if "method" in o}
+    return rows + [(n, scores.ratio(squares(**o), optimal)) for n, o in fading.items()]

@@ -123,6 +123,13 @@ def draw(
     )
 
 
+def rougher(case: Problem, noise: Noise, scenario: Scenario, factor: float) -> Noise:
+    """Return the noise of a vehicle whose true Q is `factor` times larger from the fault on."""
+    after = case.times > scenario.fault_time + 1e-9
+    grown = np.where(after[:, None], np.sqrt(factor), 1.0)
+    return noise._replace(process=noise.process * grown)
+
+
 def simulate(case: Problem, noise: Noise) -> tuple[np.ndarray, ...]:
     """Return truth (runs, steps, n) and measurements (runs, steps, m) of a `Problem`."""
     process = noise.process * np.sqrt(np.diagonal(case.Q))
@@ -149,6 +156,7 @@ class Outcome(NamedTuple):
     after: np.ndarray  # (runs, steps) β after adaptation, the same for a fixed filter
     nees: np.ndarray  # (runs, steps)
     factors: np.ndarray | None  # (runs, steps, n)
+    P: np.ndarray  # (runs, steps, n, n) the filter's own covariance of the errors
 
 
 def with_input_bias(scenario: Scenario, case: Problem) -> tuple[np.ndarray, ...]:
@@ -176,6 +184,7 @@ def estimate(
     augmented: bool = False,
     alpha: float | None = None,
     floor: float = 1.0,
+    trigger: str | None = None,
 ) -> adaptive.AdaptiveTrack | kalman.Track:
     """Run one filter of `filters` on measurements (runs, steps, m)."""
     Phi, offsets, H, Q, P0 = case.Phi, case.believed, case.H, case.Q * scale, case.P0
@@ -186,7 +195,7 @@ def estimate(
         return kalman.run(Phi, offsets, H, Q, case.R, x0, P0, z)
     return adaptive.run(
         Phi, offsets, H, Q, case.R, x0, P0, z, method=method, window=window,
-        trigger=scenario.trigger, alpha=alpha or scenario.alpha, floor=floor,
+        trigger=trigger or scenario.trigger, alpha=alpha or scenario.alpha, floor=floor,
     )  # fmt: skip
 
 
@@ -201,9 +210,9 @@ def compare(
     def one(name):
         track = estimate(scenario, case, z, **options[name])
         errors = track.x[..., :n] - truth
-        nees = kalman.nees(errors, track.P[..., :n, :n])
-        before = getattr(track, "before", track.nis)
-        return Outcome(errors, before, track.nis, nees, getattr(track, "factors", None))
+        P = track.P[..., :n, :n]
+        before, factors = getattr(track, "before", track.nis), getattr(track, "factors", None)
+        return Outcome(errors, before, track.nis, kalman.nees(errors, P), factors, P)
 
     names = list(names or options)
     return truth, dict(zip(names, montecarlo.parallel_map(one, names), strict=True))

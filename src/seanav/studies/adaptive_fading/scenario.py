@@ -97,10 +97,10 @@ class Scenario(Parameters):
         "chi2", Choice(("chi2", "trace")), origin="text", note="(39)–(41), or (24)"
     )
     larger_Q: float = parameter(
-        100.0,
+        10.0,
         Number(at_least=1, at_most=1e9),
         origin="ours",
-        note="factor of the baseline with a larger Q",
+        note="factor of the baseline: the best of 1, 3, 10, 30, 100 after the fault (exercise 1)",
     )
     bias_walk_rad: float = parameter(
         0.01,

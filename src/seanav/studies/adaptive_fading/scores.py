@@ -43,6 +43,12 @@ def mean_nees(nees: np.ndarray, samples: np.ndarray) -> estimates.Estimate:
     return estimates.mean(nees[:, samples].mean(axis=1))
 
 
+def over(one: estimates.Estimate, number: float) -> estimates.Estimate:
+    """Return an estimate divided by an exact number above 0."""
+    ends = one.low / number, one.high / number
+    return estimates.Estimate(one.value / number, *ends, one.se / number, one.count)
+
+
 def growth(errors: np.ndarray, case: Problem, scenario: Scenario, state: int) -> estimates.Estimate:
     """Return the RMSE of the last 20 % of the run over that of the 20 % before it.
 
@@ -83,11 +89,51 @@ def table_rows(case: Problem, outcomes: dict[str, Outcome]) -> list:
     return rows
 
 
+def larger_covariance(one: Outcome, other: Outcome, samples: np.ndarray) -> tuple:
+    """Return how a filter's own covariance compares with another's.
+
+    Returns
+    -------
+    trace : Estimate
+        Mean over the samples of tr P over that of the other.
+    least : Estimate
+        Smallest eigenvalue of the difference over all runs and samples, in parts of the
+        other's trace, an exact number: not below 0 if P is nowhere smaller in any direction.
+    """
+    P, reference = one.P[:, samples], other.P[:, samples]
+    traces = np.trace(reference, axis1=-2, axis2=-1)
+    ratio = (np.trace(P, axis1=-2, axis2=-1) / traces).mean(axis=1)
+    # A correlation's scale: eigenvalues of differing units cannot be compared.
+    spread = np.sqrt(np.diagonal(reference, axis1=-2, axis2=-1))
+    scaled = (P - reference) / (spread[..., :, None] * spread[..., None, :])
+    return estimates.mean(ratio), estimates.exact(np.linalg.eigvalsh(scaled).min())
+
+
+def decay(factors: np.ndarray, case: Problem, scenario: Scenario) -> estimates.Estimate | str:
+    """Return the excess of the fading factors over one late after the fault over that early.
+
+    Mean over the states and over the last fifth of the run, and over the fifth that follows
+    the fault. The two must not overlap.
+    """
+    length = 0.2 * scenario.duration
+    if scenario.fault_time + 2 * length > scenario.duration + 1e-9:
+        return "two fifths of the run after the fault: so late a fault was not run"
+    times = case.times
+    early = (times > scenario.fault_time) & (times <= scenario.fault_time + length)
+    late = times > scenario.duration - length
+    excess = factors.mean(axis=2) - 1.0
+    first, last = (estimates.average(excess[:, s].mean(axis=1)) for s in (early, late))
+    if first.value == 0.0:
+        return "an adaptation after the fault was not run: no test said fault"
+    return (last / first).estimate()
+
+
 def operations(n: int, m: int, method: str | None = None, window: int = 1) -> int:
     """Return the multiplications of one filter step with full matrices, runs apart.
 
     Counted from the equations as a program would do them; no timing enters, so the number
-    is the same everywhere. Times are in the benchmark.
+    is the same everywhere. Times are in the benchmark. Method "innovation" is the adaptation
+    of the paper's introduction (IAE): Q is K C Kᵀ, with C the mean of ΔΔᵀ over the window.
     """
     propagate = n * n + n * n * n + n * n * (n + 1) // 2
     innovate = m * n + n * n * m + m * (m + 1) // 2 * n
@@ -99,7 +145,9 @@ def operations(n: int, m: int, method: str | None = None, window: int = 1) -> in
     if method is None:
         return plain
     # The innovation's covariance twice more, its factor and statistic once more.
-    again = 2 * (n * n * m + m * (m + 1) // 2 * n) + factor + statistic
     sample = window * m * (m + 1) // 2
+    if method == "innovation":
+        return plain + sample + n * m * m + n * n * m
+    again = 2 * (n * n * m + m * (m + 1) // 2 * n) + factor + statistic
     factors = m if method == "single" else n * m * m
     return plain + again + sample + factors + n * (n + 1)

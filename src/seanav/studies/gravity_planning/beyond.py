@@ -9,13 +9,15 @@ from seanav.filters.gravity import labels
 from seanav.models import gravity, paths
 from seanav.models.gravity import sources
 from seanav.models.units import KM
-from seanav.studies.gravity_planning import run
+from seanav.studies.gravity_planning import run, scores
 from seanav.studies.gravity_planning.scenario import Scenario
 
 FAN_KM = (27.5, 22.0, 16.5, 11.0, 5.5, -5.5, -11.0, -16.5, -22.0, -27.5)
 SECOND_WINDOW_DEG = (30.0, 155.0)  # open Pacific inside the geoid's coverage
 MARGIN = 5  # nodes between a start or goal and the border
 CLOSEST = 30  # nodes between a start and its goal, at least
+INITIAL_KM = 15.0  # the initial stage of a path; the paper reads its curves there
+FEWEST = 10  # pairs that a correlation needs
 
 
 def maps(scenario: Scenario, chart: gravity.GravityMap) -> dict[str, gravity.GravityMap]:
@@ -42,33 +44,57 @@ def draw_pairs(scenario: Scenario, chart: gravity.GravityMap, name: str) -> list
 
 @dataclass(frozen=True)
 class Bounds:
-    """PCRB of one pair at one noise level: sums over the samples of the root of its trace, m."""
+    """PCRB of one pair at one noise level: sums over the samples of the root of its trace, m.
+
+    The shares are those of the map's nodes whose information M is smaller.
+    """
 
     planned: float
     direct: float
     fan: float  # the best bow
     dropped: int  # bows that leave the map
     length_ratio: float  # planned over direct
+    start: float  # share of the map below the start
+    goal: float  # share of the map below the goal
+    crossed: float  # share of the map below the plan's most informative node
+    early: float  # root of the PCRB of the direct path at `INITIAL_KM`, m
+    late: float  # its mean over the rest of the direct path, m
+
+    @property
+    def lost(self) -> bool:
+        """Whether a bow or the direct path has a smaller sum than the plan."""
+        return self.planned > min(self.fan, self.direct)
 
 
 def bounds(scenario: Scenario, chart: gravity.GravityMap, pair: tuple, noise_mgal: float) -> Bounds:
     """Plan one pair with A* and return its `Bounds`."""
 
-    def total(points):
-        return run.root_trace(run.bound(scenario, chart, points, noise_mgal)).sum()
+    def roots(points):
+        return run.root_trace(run.bound(scenario, chart, points, noise_mgal))
+
+    steep = np.hypot(*gravity.gradient(chart))
+
+    def below(nodes):
+        return float((steep < steep[nodes[..., 1], nodes[..., 0]].max()).mean())
 
     start, goal = pair
     curves, dropped = run.fan(chart, start, goal, FAN_KM, scenario.samples)
-    planned = run.plan_path(
-        run.plan(scenario, chart, start, noise_mgal, goal), chart, scenario.samples
-    )
+    plan = run.plan(scenario, chart, start, noise_mgal, goal)
+    planned = run.plan_path(plan, chart, scenario.samples)
     direct = curves.pop("Direct")
+    along, length = roots(direct), paths.length(direct)
+    first = round(min(INITIAL_KM * KM / length, 1.0) * (scenario.samples - 1))
     return Bounds(
-        total(planned),
-        total(direct),
-        min((total(points) for points in curves.values()), default=np.inf),
+        roots(planned).sum(),
+        along.sum(),
+        min((roots(points).sum() for points in curves.values()), default=np.inf),
         dropped,
-        paths.length(planned) / paths.length(direct),
+        paths.length(planned) / length,
+        below(np.array(start)),
+        below(np.array(goal)),
+        below(plan.nodes),
+        along[first],
+        along[first:].mean() if first + 1 == len(along) else along[first + 1 :].mean(),
     )
 
 
@@ -106,10 +132,10 @@ def compare(
             curves.values(),
             key=lambda points: run.root_trace(run.bound(scenario, chart, points, level)).sum(),
         )
-    scores = {
+    sailed = {
         name: run.run(scenario, chart, noise, points, level) for name, points in compared.items()
     }
-    return Comparison(one.cost, many.cost, scores, dropped)
+    return Comparison(one.cost, many.cost, sailed, dropped)
 
 
 # All pairs, in parallel -----------------------------------------------------------------
@@ -153,7 +179,74 @@ def all_comparisons(
     return grouped
 
 
+def still_as_good(
+    scenario: Scenario,
+    maps: dict[str, gravity.GravityMap],
+    compared: dict[str, list[Comparison]],
+    epsilon: float,
+) -> tuple[int, int]:
+    """Count the pairs for which the labels found nothing cheaper than A*.
+
+    Returns
+    -------
+    int, int
+        With the scenario's ε, and after another search of these pairs with a finer one.
+    """
+    level = scenario.planning_noise_mgal
+    jobs = [
+        (maps[name], pair)
+        for name, results in compared.items()
+        for pair, one in zip(draw_pairs(scenario, maps[name], name), results, strict=False)
+        if not cheaper(one.cost, one.label_cost)
+    ]
+
+    def finer(job):
+        chart, (start, goal) = job
+        one = run.plan(scenario, chart, start, level, goal)
+        options = {"epsilon": epsilon, "incumbent": one}
+        many = run.plan_labels(scenario, chart, start, level, goal, **options)
+        return not cheaper(one.cost, many.cost)
+
+    left = montecarlo.parallel_map(finer, jobs, label="finer searches")
+    return len(jobs), sum(left)
+
+
+def cheaper(cost: float, other: float) -> bool:
+    """Tell whether `other` is below `cost` by more than rounding."""
+    return cost / other > 1.0 + 1e-9
+
+
 # Tables ---------------------------------------------------------------------------------
+
+
+def share_lost(results: list[Bounds]) -> estimates.Estimate:
+    """Return the share of pairs whose plan loses to a bow or the direct path: an exact number."""
+    return estimates.exact(sum(one.lost for one in results) / len(results))
+
+
+def mean_ratio(ratios: list[float]) -> estimates.Estimate | str:
+    """Return the geometric mean over pairs, or why there is none."""
+    if len(ratios) < 2:
+        return (
+            f"a mean over two such pairs or more was not run: {len(ratios)} of the pairs are such"
+        )
+    return estimates.exponential(estimates.mean(np.log(ratios)))
+
+
+def correlation(one: list[float], other: list[float]) -> estimates.Estimate | str:
+    """Return the rank correlation of two numbers over pairs, or why there is none."""
+    if len(one) < FEWEST or min(len(set(one)), len(set(other))) < 2:
+        return f"a correlation over {FEWEST} different pairs was not run: {len(one)} pairs"
+    return scores.rank_correlation(np.array(one), np.array(other))
+
+
+def initial_stage(results: list[Bounds]) -> tuple[estimates.Estimate | str, ...]:
+    """Return how the start's information ranks the early bound, and that the late one."""
+    early = [one.early for one in results]
+    return (
+        correlation([one.start for one in results], early),
+        correlation(early, [one.late for one in results]),
+    )
 
 
 def share_won(results: list[Bounds]) -> estimates.Estimate:
@@ -196,11 +289,11 @@ def bound_table(grouped: dict[str, list[Comparison]]) -> list:
     rows = []
     for name, results in grouped.items():
         for path in ("Planned", "Labels", "Fan", "Direct"):
-            scores = [one.scores[path] for one in results if path in one.scores]
-            if not scores:  # on a small map every bow may leave it
+            sailed = [one.scores[path] for one in results if path in one.scores]
+            if not sailed:  # on a small map every bow may leave it
                 continue
-            over = [score.over_bound.value for score in scores]
-            lost = sum(score.diverged for score in scores) / sum(len(s.squared) for s in scores)
+            over = [score.over_bound.value for score in sailed]
+            lost = sum(score.diverged for score in sailed) / sum(len(s.squared) for s in sailed)
             mean = np.exp(np.mean(np.log(over)))
             rows.append((name, path, mean, min(over), max(over), 1000 * lost))
     return rows
@@ -229,13 +322,13 @@ def methods(
     mgal = scenario.planning_noise_mgal
     done = {}
     for name, points in cases.items():
-        scores = {
+        sailed = {
             method: run.run_all(scenario, chart, noise, {"": points}, [mgal], method=method)[""][0]
             for method in ("sitan", "ekf", "point mass")
         }
-        at_truth = scores["sitan"].bound
+        at_truth = sailed["sitan"].bound
         expected = run.root_trace(run.expected_bound(scenario, chart, points, mgal))
-        done[name] = Case(scores, at_truth, expected, paths.length(points))
+        done[name] = Case(sailed, at_truth, expected, paths.length(points))
     return done
 
 

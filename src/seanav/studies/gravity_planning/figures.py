@@ -144,8 +144,8 @@ def sums(scores: dict[str, list[Score]], level: int) -> Figure:
         ax.plot(index, row[level].bound.sum() / KM, "D", color="white", markeredgecolor="black")
         ax.annotate(
             f"{total.value / KM:.1f}",
-            (index, total.high / KM),
-            (0, 3),
+            (index, max(total.high, row[level].bound.sum()) / KM),
+            (0, 6),
             textcoords="offset points",
             ha="center",
         )

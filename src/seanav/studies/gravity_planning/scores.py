@@ -1,6 +1,6 @@
 """Paper 5's scores: what a Monte-Carlo run gave, and paired comparisons of two of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from contourpy import contour_generator
@@ -11,6 +11,36 @@ from seanav.models import gravity
 from seanav.models.units import KM, MGAL
 from seanav.studies.gravity_planning.scenario import Scenario
 
+FEWEST = 30  # runs from which on five coefficients can be fitted to them
+
+
+def without_matched(statistic: estimates.Statistic, initial: np.ndarray) -> estimates.Statistic:
+    """Return a score with the error that is left when the initial errors' moments are matched.
+
+    The mean and the covariance of the initial errors over the runs are no longer random, so
+    the part of a score's sampling error that is linear in them is gone: its influence is
+    what a linear fit of it on e, n, e² − 1, n² − 1 and e·n leaves. With too few runs for
+    the fit nothing is taken off, and the interval is too wide.
+
+    Parameters
+    ----------
+    statistic : Statistic
+    initial : ndarray, shape (runs, 2)
+        Initial errors in units of their standard deviation; their moments match.
+
+    References
+    ----------
+    P. Glasserman, *Monte Carlo Methods in Financial Engineering*, Springer, 2004, sections
+    4.1 and 4.5: moment matching is asymptotically a regression on control variates.
+    """
+    runs, (e, n) = len(initial), initial.T
+    if runs < FEWEST:
+        return statistic
+    controls = np.column_stack([e, n, e**2 - 1.0, n**2 - 1.0, e * n])
+    fit = controls @ np.linalg.lstsq(controls, statistic.influence, rcond=None)[0]
+    lost = np.sqrt((runs - 1) / (runs - 1 - controls.shape[1]))  # degrees of freedom
+    return estimates.Statistic(statistic.value, lost * (statistic.influence - fit))
+
 
 @dataclass(frozen=True)
 class Score:
@@ -19,6 +49,18 @@ class Score:
     squared: np.ndarray  # (runs, samples) squared position errors, m²
     bound: np.ndarray  # (samples,) root of the trace of the PCRB, m
     length: float  # m
+    initial: np.ndarray | None = None  # (runs, 2) of unit variance, if their moments match
+
+    @property
+    def drawn(self) -> "Score":
+        """The same runs with the intervals that they have if no moments are matched."""
+        return replace(self, initial=None)
+
+    @property
+    def rms(self) -> estimates.Statistic:
+        """RMSE at every sample, (samples,) m, with each run's contribution to its error."""
+        each = estimates.rms(self.squared)
+        return each if self.initial is None else without_matched(each, self.initial)
 
     @property
     def rmse(self) -> np.ndarray:
@@ -28,7 +70,7 @@ class Score:
     @property
     def sum(self) -> estimates.Statistic:
         """Sum of RMSE over the samples, m, with each run's contribution to its error."""
-        return estimates.rms(self.squared).sum()
+        return self.rms.sum()
 
     @property
     def total(self) -> estimates.Estimate:
@@ -51,11 +93,12 @@ class Score:
 
     def at(self, distance_km: float) -> estimates.Estimate:
         """RMSE at a distance along the path, an `Estimate` in m."""
-        return estimates.root_mean_square(self.squared[:, self.sample(distance_km)])
+        return self.rms[self.sample(distance_km)].estimate()
 
     def band(self) -> tuple[np.ndarray, ...]:
         """Return the ends of the RMSE's 95 % interval at every sample, two arrays (samples,) m."""
-        points = [estimates.root_mean_square(column) for column in self.squared.T]
+        each = self.rms
+        points = [each[k].estimate() for k in range(len(self.bound))]
         return np.array([p.low for p in points]), np.array([p.high for p in points])
 
 
@@ -69,8 +112,14 @@ def ratio(one: Score, other: Score) -> estimates.Estimate:
 
 def ratio_at(one: Score, other: Score, distance_km: float) -> estimates.Estimate:
     """Return the ratio of two paths' RMSE at the same distance sailed, an `Estimate`."""
-    a, b = (score.squared[:, score.sample(distance_km)] for score in (one, other))
-    return estimates.ratio(a, b)
+    a, b = (score.rms[score.sample(distance_km)] for score in (one, other))
+    return (a / b).estimate_of_log()
+
+
+def lowest_ratio(one: Score, other: Score) -> estimates.Estimate:
+    """Return the ratio of two paths' smallest RMSE, each wherever it is, an `Estimate`."""
+    a, b = (score.rms[int(np.argmin(score.rmse))] for score in (one, other))
+    return (a / b).estimate_of_log()
 
 
 def growth(scores: dict[str, list[Score]], reading: str) -> estimates.Estimate:
@@ -79,13 +128,13 @@ def growth(scores: dict[str, list[Score]], reading: str) -> estimates.Estimate:
     Parameters
     ----------
     reading : {"absolute", "relative"}
-        Difference of the sums (m), or log of their ratio.
+        Difference of the sums (km), or log of their ratio.
     """
     ends = [(scores["Planned"][k].sum, scores["Direct"][k].sum) for k in (0, -1)]
     if reading == "relative":
         least, most = ((direct / planned).log() for planned, direct in ends)
     else:
-        least, most = (direct - planned for planned, direct in ends)
+        least, most = ((direct - planned) / KM for planned, direct in ends)
     return (most - least).estimate()
 
 
@@ -152,6 +201,11 @@ def contour_density(
     steepness = np.hypot(*gravity.gradient(chart))[: cells[0] * block, : cells[1] * block]
     blocks = steepness.reshape(cells[0], block, cells[1], block).mean(axis=(1, 3))
     return lengths.ravel() * chart.spacing, blocks.ravel()
+
+
+def rank_agreement(a: np.ndarray, b: np.ndarray) -> estimates.Estimate:
+    """Return Kendall's tau between two orders of the same paths; no sampling, an exact number."""
+    return estimates.exact(kendalltau(a, b).statistic)
 
 
 def rank_correlation(a: np.ndarray, b: np.ndarray) -> estimates.Estimate:
