@@ -202,8 +202,6 @@ POINT = ("1/2", "1/3", "-1/5", "1/7", "-2/5", "3/11")  # a rational state, nothi
 MEASURED = {"linear": slice(0, 3), "angular": slice(3, 6)}
 
 
-
-
 def point(vehicle: str) -> dict:
     """Return {symbol: rational number} of `POINT` and of a vehicle's numbers and inputs."""
     model, craft = run.body(), bodies.BODIES[vehicle]

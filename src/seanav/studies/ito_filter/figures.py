@@ -84,7 +84,8 @@ def second_order_map(maps: dict[str, Any]) -> Figure:
             ax.text(b, a, text, ha="center", va="center", color=colour)
         ax.set_xticks(range(len(intervals)), [f"{x:g}" for x in intervals])
         ax.set_yticks(range(len(factors)), [f"{x:g}" for x in factors])
-        ax.set(xlabel="measurement interval (s)", ylabel="noise factor", title=f"{vehicle}, {words}")
+        title = f"{vehicle}, {words}"
+        ax.set(xlabel="measurement interval (s)", ylabel="noise factor", title=title)
         ax.grid(False)
     fig.colorbar(shade, ax=axes, label="RMSE over the EKF's")
     return fig
