@@ -7,6 +7,7 @@ import pytest
 from seanav import checks, estimates, montecarlo
 from seanav.filters import blended, neural
 from seanav.studies.neural_estimator import beyond, run, scores
+from seanav.studies.neural_estimator.claims import CLAIMS
 from seanav.studies.neural_estimator.scenario import COURSES, VARIANTS, Scenario
 
 SMALL = Scenario(runs=4, hidden=6, max_epochs=20, reteach_epochs=3, steps=70)
@@ -461,3 +462,89 @@ def test_operations_grow_with_the_hidden_layer():
     assert small["network"] < large["network"]
     assert small["Kalman filter, matrices"] == large["Kalman filter, matrices"]
     assert small["network, teaching included"] > 10 * small["network"]
+
+
+# ---------------------------------------------------------------- independent facts, exact scores
+
+
+def bare(scenario, names=COURSES, **estimates_of):
+    """Return courses with truth and phases only, and the errors given as estimates."""
+    done = {}
+    for name in names:
+        truth = run.course(scenario, name)
+        z = np.broadcast_to(truth, (scenario.runs, *truth.shape))
+        wrong = {k: z + np.reshape(v[name], (-1, 1, 1)) for k, v in estimates_of.items()}
+        done[name] = run.Course(truth, z, run.phases(scenario, truth), [], wrong)
+    return done
+
+
+def test_no_step_of_a_run_is_told_of_twice():
+    done = bare(Scenario(runs=2))
+    cases = scores.cases(done)
+    assert cases == [
+        ("steady", "examination"),
+        ("one turn", "turn"),
+        ("one turn", "after turn"),
+        ("two turns", "turn"),
+        ("two turns", "after turn"),
+        ("turn while teaching", "examination"),
+        ("zigzag", "examination"),
+    ]
+    seen = set()
+    for name, phase in cases:
+        for step in np.flatnonzero(done[name].phases[phase]):
+            fact = (int(step), done[name].truth[: step + 1].tobytes())
+            assert fact not in seen
+            seen.add(fact)
+    assert scores.distinct(done, "initial") == ["steady", "zigzag"]
+    assert scores.distinct(done, "examination") == list(COURSES)
+
+
+def test_pooled_share_counts_a_run_once():
+    scenario = Scenario(runs=2)
+    names = ("steady", "zigzag")
+    errors = {"steady": [1.0, 3.0], "zigzag": [1.0, 1.0]}
+    done = bare(scenario, names, network=errors, teacher={n: [2.0, 2.0] for n in names})
+    share = scores.won_by_courses(done, "network")
+    assert (share.value, share.count) == (0.75, 2)
+
+
+def test_regret_is_over_the_best_of_each_course():
+    names = ("steady", "zigzag")
+    one = {"steady": [1.0, 1.0], "zigzag": [6.0, 6.0]}
+    two = {"steady": [3.0, 3.0], "zigzag": [4.0, 4.0]}
+    rows = scores.regret_rows(bare(Scenario(runs=2), names, one=one, two=two), ["one", "two"])
+    assert [row[4] for row in rows] == ["zigzag", "steady"]
+    assert [row[5] for row in rows] == pytest.approx([0.5, 2.0])
+    assert [row[1] for row in rows] == pytest.approx([np.sqrt(18.5), np.sqrt(12.5)])
+
+
+@pytest.mark.parametrize("start", ["measured", "zero"])
+@pytest.mark.parametrize("innovation", ["blended", "printed"])
+@pytest.mark.parametrize("w1", [0.0, 0.3, 1.0])
+def test_error_after_one_minute_is_that_of_the_filter_itself(w1, innovation, start):
+    scenario = Scenario(runs=6000, steps=120, settle=6, pairs=20, innovation=innovation)
+    truth = run.course(scenario, "steady")
+    errors = run.numerical(scenario, run.measure(scenario, truth), w1, start) - truth
+    if start == "zero":  # at rest the bias of that start has not died out after 120 steps
+        late = run.numerical(scenario, run.measure(scenario, truth), w1) - truth
+    else:
+        late = errors
+    flown = np.sqrt((errors[:, 6] ** 2).mean() / (late[:, 80:] ** 2).mean())
+    # 12 000 squares at the end of stage 1: a standard error of 0.65 %, and 4.5 of them.
+    assert scores.stabilising(scenario, w1, start) == pytest.approx(flown, rel=0.03)
+
+
+def test_parallel_steps_grow_as_the_logarithm_of_the_hidden_layer():
+    small, large = (scores.parallel_steps(H) for H in (15, 255))
+    for name in ("network, logistic computed", "network, logistic looked up"):
+        assert large[name] - small[name] == 4
+    assert small["Kalman filter, matrices"] == large["Kalman filter, matrices"]
+    # Nothing can be faster in parallel steps than its own chain, nor slower than all its work.
+    work = scores.operations(15, 20, 500, 160)
+    assert small["network, logistic computed"] < work["network"]
+    assert small["Kalman filter, matrices"] < work["Kalman filter, matrices"]
+
+
+def test_claims_are_declared_in_order():
+    assert [claim.number for claim in CLAIMS] == [f"2.{k}" for k in range(1, len(CLAIMS) + 1)]

@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from functools import cache
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import attrs
 import numpy as np
+import sympy as sp
 from numpy.typing import ArrayLike
 
 from seanav.filters import moments
@@ -17,11 +18,11 @@ from seanav.studies.ito_filter.scenario import VEHICLES, Case, Scenario
 
 
 def second_order_map(scenario: Scenario, vehicle: str) -> list:
-    """Return rows (noise factor, interval, error of the Gaussian closure over the EKF's).
+    """Return rows (noise factor, interval, two errors over the EKF's): Gaussian, truncated.
 
     Linear velocities measured with variance `map_R`, for `map_mission` s; truth in steps of
-    `map_step`, which divides every interval, and the same for all of them. The last entry
-    of a row is a paired `Estimate`.
+    `map_step`, which divides every interval, and the same for all of them. The last entries
+    of a row are paired `Estimate` s.
     """
     case = Case(1, (0, 1, 2), scenario.map_R, "map")
     finest = min(scenario.map_interval)
@@ -33,16 +34,19 @@ def second_order_map(scenario: Scenario, vehicle: str) -> list:
         for interval in scenario.map_interval:
             every = round(interval / finest)
             truth = attrs.evolve(fine, times=fine.times[::every], x=fine.x[:, ::every])
-            tracks = {c: run.estimate(scenario, truth, case, c) for c in ("gaussian", "ekf")}
+            tracks = {c: run.estimate(scenario, truth, case, c) for c in moments.CLOSURES}
             scored = {name: scores.score(truth, track) for name, track in tracks.items()}
             free = scores.score(truth, run.estimate(scenario, truth, case, corrected=False))
-            gain = scores.root_ratio(*(scores.total(scored[c], free) for c in ("gaussian", "ekf")))
-            rows.append((factor, interval, gain))
+            errors = {name: scores.total(one, free) for name, one in scored.items()}
+            gains = (
+                scores.root_ratio(errors[c], errors["ekf"]) for c in ("gaussian", "second order")
+            )
+            rows.append((factor, interval, *gains))
     return rows
 
 
 def falling(rows: list, along: int) -> tuple[int, ...]:
-    """Return in how many lines of a map the ratio falls all along, and of how many.
+    """Return in how many lines of a map the Gaussian ratio falls all along, and of how many.
 
     `along` 1: with the interval, a line per noise factor; 0: with the noise factor, a line
     per interval. A line in which a filter diverged does not fall.
@@ -61,16 +65,36 @@ def falling(rows: list, along: int) -> tuple[int, ...]:
 def sensitivity(
     scenario: Scenario, vehicle: str, variances: Sequence, factors: Sequence
 ) -> np.ndarray:
-    """Return the filter's own sd, averaged over time, (factors, variances, 6): Remark 3."""
+    """Return the filter's own variance per run, (factors, variances, 8, 6): Remark 3.
+
+    The mean over the second half of the mission; linear velocities are measured.
+    """
     few = attrs.evolve(scenario, runs=8, particle_runs=2)
-    out = np.empty((len(factors), len(variances), 6))
+    out = np.empty((len(factors), len(variances), few.runs, 6))
     for i, factor in enumerate(factors):
         truth = run.simulate(few, vehicle, factor * scenario.noise(vehicle))
         for k, R in enumerate(variances):
             case = Case(1, (0, 1, 2), R, "sensitivity")
             track = run.estimate(few, truth, case)
             settled = track.P[:, track.P.shape[1] // 2 :]
-            out[i, k] = np.sqrt(np.diagonal(settled, axis1=2, axis2=3).mean(axis=(0, 1)))
+            out[i, k] = np.diagonal(settled, axis1=2, axis2=3).mean(axis=1)
+    return out
+
+
+def roll_by_interval(scenario: Scenario) -> dict:
+    """Return {interval (s): RMSE of the torpedo's roll p over prediction only} in case 1.
+
+    At the scenario's interval and, if the steps of the truth fit into it, at `filter_step`.
+    """
+    fits = scenario.filter_step / scenario.torpedo_step
+    often = [scenario.filter_step] if abs(fits - round(fits)) < 1e-9 * fits else []
+    out = {}
+    for interval in (scenario.interval, *often):
+        truth = run.simulate(scenario, "torpedo", keep=interval)
+        case = scenario.cases[0]
+        tracks = (run.estimate(scenario, truth, case, corrected=c) for c in (True, False))
+        one, free = (scores.score(truth, track).squared[:, 3] for track in tracks)
+        out[interval] = scores.root_ratio(one, free)
     return out
 
 
@@ -175,18 +199,85 @@ def sway_yaw_reference(
 # ---------------------------------------------------------------- observability
 
 POINT = ("1/2", "1/3", "-1/5", "1/7", "-2/5", "3/11")  # a rational state, nothing special
+MEASURED = {"linear": slice(0, 3), "angular": slice(3, 6)}
+
+
+def point(vehicle: str) -> dict:
+    """Return {symbol: rational number} of `POINT` and of a vehicle's numbers and inputs."""
+    model, craft = run.body(), bodies.BODIES[vehicle]
+    out = dict(zip(model.states, POINT, strict=True))
+    out |= dict(zip(model.parameters, (f"{value}" for value in craft.parameters()), strict=True))
+    out |= dict(zip(model.inputs, map(str, craft.inputs), strict=True))
+    return {symbol: sp.Rational(value) for symbol, value in out.items()}
 
 
 def observability_rows(orders: int = 8) -> list:
     """Return rows (vehicle, measured, rank by order of the Lie derivative …)."""
     model, rows = run.body(), []
     for vehicle in VEHICLES:
-        craft = bodies.BODIES[vehicle]
-        numbers = [f"{value}" for value in craft.parameters()]
-        point = dict(zip(model.states, POINT, strict=True))
-        point |= dict(zip(model.parameters, numbers, strict=True))
-        point |= dict(zip(model.inputs, map(str, craft.inputs), strict=True))
-        for words, chosen in (("linear", slice(0, 3)), ("angular", slice(3, 6))):
-            ranks = moments.observability(model, model.states[chosen], point, orders)
+        for words, chosen in MEASURED.items():
+            ranks = moments.observability(model, model.states[chosen], point(vehicle), orders)
             rows.append((vehicle, words, *ranks))
     return rows
+
+
+@cache
+def observability_matrix(words: str) -> sp.ImmutableMatrix:
+    """Return the gradients of the Lie derivatives of orders 0 to 2 in symbols, (9, 6).
+
+    `words`: "linear" or "angular", what is measured. To this order the matrix is the same
+    for inputs that change in time: they enter the derivatives added to the state, not
+    multiplied by it.
+    """
+    model = run.body()
+    derivatives = [sp.Matrix(model.states[MEASURED[words]])]
+    for _ in range(2):
+        slope = derivatives[-1].jacobian(model.states)
+        derivatives.append((slope * model.drift).applyfunc(sp.expand))
+    return sp.ImmutableMatrix(sp.Matrix.vstack(*derivatives).jacobian(model.states))
+
+
+def minor(words: str, vehicle: str) -> tuple[tuple, sp.Rational]:
+    """Return three rows of `observability_matrix` and their minor at `point`, exactly.
+
+    With the three rows of order 0, which are the measured states themselves, they make a
+    6 × 6 minor of that size, up to its sign. The first that is not 0; if all are, the last.
+    """
+    matrix = observability_matrix(words).xreplace(point(vehicle))
+    rest = range(6)[slice(3, 6) if words == "linear" else slice(0, 3)]
+    for rows in combinations(range(3, 9), 3):
+        value = matrix.extract(list(rows), list(rest)).det()
+        if value != 0:
+            break
+    return rows, value
+
+
+# ---------------------------------------------------------------- Remark 2
+
+
+def information_form(
+    mean: sp.Matrix, P: sp.Matrix, z: sp.Matrix, C: sp.Matrix, R: sp.Matrix
+) -> tuple[sp.Matrix, sp.Matrix]:
+    """Return mean and covariance after a measurement, by Bayes' rule: the form of Remark 2.
+
+    The exponents of prior and likelihood add: P⁺ = (P⁻¹ + Cᵀ R⁻¹ C)⁻¹ and
+    m⁺ = m + P⁺ Cᵀ R⁻¹ (z − C m). Shapes (6, 1), (6, 6), (3, 1), (3, 6), (3, 3); any units.
+    """
+    after = (P.inv() + C.T * R.inv() * C).inv()
+    return mean + after * C.T * R.inv() * (z - C * mean), after
+
+
+def remark_two(words: str) -> tuple[int, int]:
+    """Return in how many entries (12) or (13) and `information_form` differ: mean, covariance.
+
+    In fractions, without rounding, at a full covariance that is nothing special.
+    """
+    C = sp.eye(6)[MEASURED[words], :]
+    root = sp.Matrix(6, 6, lambda i, j: sp.Rational((3 * i + 5 * j) % 7 - 2, 1 + (i + 2 * j) % 5))
+    P, R = root * root.T + sp.eye(6) / 3, sp.Matrix(3, 3, lambda i, j: sp.Rational(1, 2 + i + j))
+    mean, z = sp.Matrix(list(map(sp.Rational, POINT))), sp.Matrix([1, -2, 3]) / 5
+    gain = P * C.T * (C * P * C.T + R).inv()
+    rest = sp.eye(6) - gain * C
+    one = mean + gain * (z - C * mean), rest * P * rest.T + gain * R * gain.T
+    other = information_form(mean, P, z, C, R)
+    return tuple(sum(e != 0 for e in a - b) for a, b in zip(one, other, strict=True))

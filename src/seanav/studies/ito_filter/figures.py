@@ -1,6 +1,7 @@
 """Paper 1: the drawings; each function returns a figure and computes nothing new."""
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -59,38 +60,45 @@ def overview(result: Result, run: int = 0) -> Figure:
 
 
 def second_order_map(maps: dict[str, Any]) -> Figure:
-    """Draw error of the second-order filter over the EKF's, by noise and interval."""
-    fig, axes = plt.subplots(1, len(maps), figsize=(8.4, 3.6))
-    gains = [row[2] for rows in maps.values() for row in rows]
-    lowest = min([1.0, *(gain.value for gain in gains)])
-    for ax, (vehicle, rows) in zip(axes, maps.items(), strict=True):
+    """Draw errors of both second-order filters over the EKF's, by noise and interval.
+
+    Upper row: Gaussian closure; lower row: truncated. Blue below one, red above.
+    """
+    fig, axes = plt.subplots(2, len(maps), figsize=(8.4, 6.4), squeeze=False)
+    gains = [g.value for rows in maps.values() for row in rows for g in row[2:]]
+    most = max([1e-3, *(abs(g - 1) for g in gains if np.isfinite(g))])
+    places = [(k, words) for k, words in enumerate(("Gaussian closure", "truncated"))]
+    for (k, words), (column, (vehicle, rows)) in product(places, enumerate(maps.items())):
+        ax = axes[k, column]
         factors, intervals = (list(dict.fromkeys(row[k] for row in rows)) for k in (0, 1))
-        found = [np.nan if row[2].diverged else row[2].value for row in rows]
+        found = [np.nan if row[2 + k].diverged else row[2 + k].value for row in rows]
         values = np.reshape(found, (len(factors), -1))
-        shade = ax.imshow(values, origin="lower", vmin=lowest, vmax=1.0, aspect="auto")
-        for index, (_, _, gain) in enumerate(rows):
-            a, b = divmod(index, len(intervals))
+        ends = {"vmin": 1 - most, "vmax": 1 + most}
+        shade = ax.imshow(values, origin="lower", cmap="RdBu_r", aspect="auto", **ends)
+        for index, row in enumerate(rows):
+            (a, b), gain = divmod(index, len(intervals)), row[2 + k]
             text, colour = "diverged", "black"
             if not gain.diverged:
                 text = f"{gain.value:.3f}{'*' if gain.high < 1 else ''}"
-                colour = "white" if gain.value < 0.5 * (1 + lowest) else "black"
+                colour = "white" if abs(gain.value - 1) > 0.6 * most else "black"
             ax.text(b, a, text, ha="center", va="center", color=colour)
         ax.set_xticks(range(len(intervals)), [f"{x:g}" for x in intervals])
         ax.set_yticks(range(len(factors)), [f"{x:g}" for x in factors])
-        ax.set(xlabel="measurement interval (s)", ylabel="noise factor", title=vehicle)
+        title = f"{vehicle}, {words}"
+        ax.set(xlabel="measurement interval (s)", ylabel="noise factor", title=title)
         ax.grid(False)
-    fig.colorbar(shade, ax=axes, label="RMSE, Gaussian closure / EKF")
+    fig.colorbar(shade, ax=axes, label="RMSE over the EKF's")
     return fig
 
 
 def nees(results: dict, band: tuple[float, ...]) -> Figure:
-    """Draw the NEES over time of the Gaussian closure and the EKF, all cases."""
+    """Draw the NEES over time of the three closures, all cases."""
     fig, axes = plt.subplots(2, 3, figsize=(9.0, 4.8), sharex=True, sharey="row")
     for row, vehicle in zip(axes, VEHICLES, strict=True):
         for number, ax in zip((1, 2, 3), row, strict=True):
             result = results[vehicle, number]
             ax.axhspan(*band, color="0.85", label="95 % if consistent")
-            for name in ("gaussian", "ekf"):
+            for name in ("gaussian", "second order", "ekf"):
                 values = result.scores[name].nees_by_time
                 ax.plot(result.truth.times[1:], values, label=name, linewidth=1, **STYLES[name])
             ax.set_title(f"{vehicle}, case {number}")

@@ -6,9 +6,9 @@ import attrs
 import numpy as np
 
 from seanav import estimates
-from seanav.estimates import Estimate, rms
+from seanav.claims import Condition
+from seanav.estimates import Estimate, rms, significant
 from seanav.filters.moments.continuous_discrete import Track
-from seanav.report import Condition, significant
 from seanav.studies.ito_filter.scenario import Case
 
 
@@ -90,6 +90,10 @@ class Result:
     track: Track
     scores: dict
 
+    def against_open_loop(self, name: str = "gaussian") -> Estimate:
+        """Return the total error of a filter over that of prediction only, paired."""
+        return self.gain(name, "prediction only")
+
     def over_open_loop(self, component: int, name: str = "gaussian") -> Estimate:
         """Return the RMSE of a filter over that of prediction only."""
         free = self.scores["prediction only"]
@@ -125,6 +129,7 @@ def condition(
     low: float = -np.inf,
     high: float = np.inf,
     lost: int | None = None,
+    group: str = "",
 ) -> Condition:
     """Return a condition of a claim on an `Estimate` or an exact number.
 
@@ -133,7 +138,9 @@ def condition(
     """
     if not _diverged(number):
         number = number if isinstance(number, Estimate) else estimates.exact(number)
-        return Condition(what, number, low, high)
+        return Condition(what, number, low, high, group=group)
     if lost is None:
-        return Condition(f"{what}: filters that diverged", estimates.exact(1), high=0)
-    return Condition(f"{what}: one diverged; runs lost by ours", estimates.exact(lost), high=0)
+        number = Estimate(*(np.inf,) * 4, 0)
+        return Condition(what, number, low, high, group=group)
+    what = f"{what}: one diverged; runs lost by ours"
+    return Condition(what, estimates.exact(lost), high=0, group=group)

@@ -328,6 +328,7 @@ def courses(scenario: Scenario) -> dict[str, Course]:
             "variable w1": numerical(scenario, z, "variable"),
             "KF from zero": numerical(scenario, z, 0.0, "zero"),
             "GLS from zero": numerical(scenario, z, 1.0, "zero"),
+            "teacher from zero": numerical(scenario, z, start="zero"),
         }
         tuned = tune(scenario, truths[name])
         estimates |= baselines(scenario, z, teacher, tuned)

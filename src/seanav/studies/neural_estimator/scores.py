@@ -7,7 +7,7 @@ import attrs
 import numpy as np
 
 from seanav import estimates
-from seanav.filters import neural
+from seanav.filters import blended, neural
 from seanav.studies.neural_estimator import run
 from seanav.studies.neural_estimator.run import Course
 from seanav.studies.neural_estimator.scenario import Scenario
@@ -129,3 +129,123 @@ def uncapped(scenario: Scenario, course: Course) -> np.ndarray:
         teacher = course.estimates["teacher"]
         return histories(run.first_teaching(endless, course.z, teacher))
     return histories(course.taught)
+
+
+# ---------------------------------------------------------------- independent facts
+
+
+def cases(done: dict[str, Course]) -> list[tuple[str, str]]:
+    """Return (course, phase) of the examination so that no step of a run is told of twice.
+
+    A course with phases stands for itself by them. Courses that are alike up to the end of
+    a phase have the same noise and the same past: only the first of them is told of.
+    """
+    found, kept = [], []
+    for name, course in done.items():
+        parts = course.parts()
+        smaller = {phase: mask for phase, mask in parts.items() if phase != "examination"}
+        for phase, mask in (smaller or parts).items():
+            end = int(np.flatnonzero(mask)[-1]) + 1
+            told = np.zeros_like(mask)
+            for truth, other in kept:
+                if np.array_equal(truth[:end], course.truth[:end]):
+                    told |= other
+            if not told[mask].all():
+                found.append((name, phase))
+            kept.append((course.truth, mask))
+    return found
+
+
+def distinct(done: dict[str, Course], phase: str) -> list[str]:
+    """Return the courses whose truth up to the end of a phase is no earlier course's."""
+    found: list[str] = []
+    for name, course in done.items():
+        end = int(np.flatnonzero(course.phases[phase])[-1]) + 1
+        if not any(np.array_equal(done[c].truth[:end], course.truth[:end]) for c in found):
+            found.append(name)
+    return found
+
+
+def won_by_courses(done: dict[str, Course], name: str) -> estimates.Estimate:
+    """Return the share of runs and courses won against the teacher in the examination.
+
+    The noise of a run is the same on every course: a run counts once, by its share.
+    """
+    wins = [c.squared(name) < c.squared("teacher") for c in done.values()]
+    return estimates.mean(np.mean(wins, axis=0))
+
+
+def regret_rows(done: dict[str, Course], names: Sequence) -> list:
+    """Return rows (estimator, RMSE over courses, low, high, course of most regret, regret).
+
+    RMSE in the examination, every course weighs the same, m/s. Regret: RMSE on a course
+    over that of the best of `names` there, minus one.
+    """
+    squares = {name: np.array([c.squared(name) for c in done.values()]) for name in names}
+    best = np.min([np.sqrt(s.mean(axis=1)) for s in squares.values()], axis=0)
+    rows = []
+    for name, s in squares.items():
+        regret = np.sqrt(s.mean(axis=1)) / best - 1
+        worst = int(regret.argmax())
+        overall = estimates.root_mean_square(s.mean(axis=0))
+        rows.append([name, *three(overall), list(done)[worst], float(regret[worst])])
+    return rows
+
+
+# ---------------------------------------------------------------- stabilising, exactly
+
+
+def stabilising(scenario: Scenario, w1: float, start: str) -> float:
+    """Return the numerical filter's RMS error at the end of stage 1 over the one for ever.
+
+    A steady course. The filter is linear, x_{i+1} = α x_i + β z_i + K_{i+1} z_{i+1} with
+    α + β + K_{i+1} = 1, and x_i holds K_i z_i: variance and bias follow without sampling.
+
+    Parameters
+    ----------
+    w1 : float
+        Weight of the running measurement.
+    start : {"measured", "zero"}
+        As for `run.numerical`.
+    """
+    R, measured = scenario.R, start == "measured"
+    K, _ = blended.gains(scenario.q, R, R if measured else scenario.q, scenario.settle + 1)
+    variance, held = (R, 1.0) if measured else (0.0, 0.0)
+    bias = 0.0 if measured else scenario.speed / np.sqrt(2)  # rms of two components
+    for gain in K[1:]:
+        alpha, beta = _carried(scenario, w1, gain)
+        new = beta**2 + 2 * alpha * beta * held + gain**2
+        variance, held, bias = alpha**2 * variance + new * R, gain, alpha * bias
+    gain = blended.steady_gain(scenario.q, R)
+    alpha, beta = _carried(scenario, w1, gain)
+    rest = (beta**2 + 2 * alpha * beta * gain + gain**2) * R / (1 - alpha**2)
+    return float(np.sqrt((variance + bias**2) / rest))
+
+
+def _carried(scenario, w1, gain):
+    """Return α and β, what an estimate takes of the last one and of the last measurement."""
+    if scenario.innovation == "blended":
+        return (1 - gain) * (1 - w1), (1 - gain) * w1
+    return 1 - w1 - gain, w1
+
+
+# ---------------------------------------------------------------- steps in parallel
+
+
+def parallel_steps(hidden: int) -> dict[str, int]:
+    """Return operations one after the other, by name, if all that can runs at once.
+
+    The longest chain: a sum of n terms takes log2(n) steps, rounded up. Gain and
+    covariance of the filter wait for nothing that the network need not wait for.
+    """
+    logistic = 24  # as in `operations`: one after the other
+    total = int(np.ceil(np.log2(hidden + 1)))
+    layers = (1 + 2) + (1 + total)  # products at once, then sums of 3 and of hidden + 1 terms
+    predict = 2 + 2 + 1  # F P, (F P) Fᵀ, + Q; products of 2 by 2 matrices take 2 steps
+    gain = 2 + 2 + 1 + 2 + 1 + 2  # G P, (G P) Gᵀ, + R, determinant, division, product
+    return {
+        "network, logistic computed": layers + 2 * logistic,
+        "network, logistic looked up": layers + 2,
+        "Kalman filter, matrices": predict + gain + 2 + 1,  # K times innovation, sum
+        "filter at constant gain": 2 + 2 + 1 + 2 + 1,  # F x, G x, innovation, K times it, sum
+    }
