@@ -1,5 +1,8 @@
-"""Paper 4: what it claims. Numbers 4.1 to 4.17 stand in the order in which they were first
-tested; the later ones follow the sections of the paper."""
+"""Paper 4: what it claims.
+
+Numbers 4.1 to 4.17 stand in the order in which they were first tested; the later ones follow
+the sections of the paper.
+"""
 
 from seanav.claims import Claim
 
@@ -78,7 +81,7 @@ _FADING = (
         quote="the IMM filter with σ_f,2 = 0.5 m/s has a better performance than that with "
         "σ_f,2 = 1.0 m/s due to the adaptive fading scheme",
         section=_PROPOSED,
-        reading="a higher rate for 0.1 < σ_T < 1, and the lead is smaller between IMMs of plain EKFs",
+        reading="a higher rate for 0.1 < σ_T < 1, and IMMs of plain EKFs show less of it",
         shown=("figure_05", "figure_B8"),
     ),
     Claim(
@@ -224,15 +227,15 @@ _PERFORMANCE = (
         quote="it may be more appropriate to use a specific single filter when changes of the sea "
         "current velocity can be predicted accurately",
         section=_PROPOSED,
-        reading="the EKF that knows σ_T beats the IMM-AFEKF at every point: its rate is below 100 %",
+        reading="the EKF that knows σ_T beats the IMM-AFEKF at every point: a rate below 100 %",
         shown=("figure_05",),
     ),
     Claim(
         number="4.28",
         quote="It was confirmed that the results were consistent with the previous analysis",
         section="Tables 2 and 3",
-        reading="if the paper's filters met the same noise: its ratios of position errors to EKF 0.1 "
-        "agree with our paired ones",
+        reading="if the paper's filters met the same noise: its ratios of position errors to EKF "
+        "0.1 agree with our paired ones",
         stated=False,
         shown=("table_B2",),
     ),
@@ -241,7 +244,7 @@ _PERFORMANCE = (
         quote="due to the adaptive fading scheme, it showed superior performance even when the "
         "standard deviations of the sub-filters were set smaller than the actual value",
         section="section 5",
-        reading="for σ_T above both σ_f the IMM of AFEKFs has a higher rate than that of plain EKFs",
+        reading="for σ_T above both σ_f the IMM of AFEKFs has a higher rate than one of plain EKFs",
         shown=("figure_B8",),
     ),
     Claim(

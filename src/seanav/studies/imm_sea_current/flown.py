@@ -76,10 +76,9 @@ class Flown:
 
     def least(self, name: str) -> float | None:
         """Return the true sigma at which the rate of a filter is least; None: no rate."""
-        rates = [
-            (r.value, s) for s in self.grid if not isinstance(r := self.sharp_rate(name, s), str)
-        ]
-        return min(rates)[1] if rates else None
+        rates = {s: self.sharp_rate(name, s) for s in self.grid}
+        found = {s: rate.value for s, rate in rates.items() if not isinstance(rate, str)}
+        return min(found, key=found.get) if found else None
 
     def versus(self, name: str, other: str, sigma: float) -> Estimate | str:
         """Return ln of the ratio of two TCEPs on the same runs."""
