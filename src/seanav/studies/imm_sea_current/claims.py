@@ -105,8 +105,8 @@ _FADING = (
         quote="the mode probability of sub-filter 1 decreases rapidly … the greater the difference "
         "between σ_f,1 and σ_f,2, the greater the difference of mode probabilities",
         section=_PROPOSED,
-        reading="μ₁ falls from each point to the next; with the larger σ_f,2 the better model leads "
-        "by more, at both ends",
+        reading="μ₁ falls from each point to the next; with the larger σ_f,2 the better model "
+        "leads by more, at both ends",
         shown=("figure_06",),
     ),
     Claim(
@@ -137,8 +137,8 @@ _FADING = (
         quote="it can reduce the effect of the Schuler period …, which appears in general indices "
         "such as RMS error and CEP",
         section=_RESULTS,
-        reading="while the RMS of pure navigation falls by 5 % or more in its Schuler swing, the TCEP "
-        "falls by less (5 % is ours)",
+        reading="while the RMS of pure navigation falls by 5 % or more in its Schuler swing, the "
+        "TCEP falls by less (5 % is ours)",
         shown=("figure_B4",),
     ),
     Claim(
@@ -209,7 +209,8 @@ _PERFORMANCE = (
     ),
     Claim(
         number="4.25",
-        quote="the filter that performs best in one case has the worst performance in the other case",
+        quote="the filter that performs best in one case has the worst performance in the other "
+        "case",
         section=_PROPOSED,
         reading="position: EKF 0.1 is best in Table 2 and worst in Table 3, AFEKF 0.5 the reverse",
         shown=("table_2", "table_3"),

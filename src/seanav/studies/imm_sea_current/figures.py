@@ -133,6 +133,22 @@ def rates(flown: Flown, panels: dict) -> Figure:
     return fig
 
 
+def losses(grid: Sequence, panels: dict[str, dict[str, list[float]]]) -> Figure:
+    """Draw what each EKF loses against the optimal one (%); one panel for each start."""
+    panels = panels or {"nothing is known exactly": {}}
+    fig, axes = plt.subplots(
+        1, len(panels), figsize=(4.6 * len(panels), 3.4), squeeze=False, sharey=True
+    )
+    for axis, (title, curves) in zip(axes[0], panels.items(), strict=True):
+        for name, curve in curves.items():
+            axis.plot(grid, curve, label=name, **style(name) | {"markevery": 4})
+        axis.axhline(0, color="k", lw=0.8)
+        axis.set(xlabel=SIGMA, ylabel="TCEP above the optimal one (%)", title=title)
+        axis.set(ylim=(-5, 40))
+        plots.legend(axis)
+    return fig
+
+
 def bars(
     names: Sequence,
     values: Sequence,
