@@ -164,7 +164,7 @@ _FIRST_SECTIONS = (
         "which are independent at time propagation process",
         section="section 2.3.2",
         reading="errors of velocity and current ahead are uncorrelated at the start, and have a "
-        "correlation above 0.1 after one update (0.1 is ours)",
+        "positive correlation after one update (above 0.01, ours)",
     ),
     Claim(
         number="4.20",

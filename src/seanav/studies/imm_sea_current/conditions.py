@@ -186,7 +186,7 @@ def modes(sea: Sea, names: Sequence[str], chains: Mapping[str, str]) -> list[Con
                 fall = flown.score(scores.mode_difference, (name + end, high), (name + end, low))
                 what = f"change of μ₁ of {name}, {p}, from {low:g} to {high:g} m/s"
                 found.append(condition(what, fall, high=0.0, group="μ₁ falls"))
-        for sigma, sign in ((flown.grid[0], 1), (flown.grid[-1], -1)):
+        for sigma, sign in {flown.grid[0]: 1, flown.grid[-1]: -1}.items():
 
             def contrast(*pair, sign=sign):
                 return scores.mode_contrast_difference(*pair, sign)
