@@ -627,7 +627,7 @@ def test_a_controlled_number_is_the_regression_at_the_exact_values():
     (intercept, *_), rest = np.linalg.lstsq(design, y, rcond=None)[:2]
     assert got.value == pytest.approx(intercept)
     assert got.se == pytest.approx(math.sqrt(rest[0] / 57 / 60), rel=1e-6)
-    assert abs(estimates.average(y).value - intercept) > 3 * got.se
+    assert got.se < 0.1 * estimates.average(y).estimate().se
     few = estimates.average(y[:10])
     assert scores.controlled(few, [(estimates.average(x[:10, 0]), 3.0)] * 2) is few
 
@@ -678,10 +678,11 @@ def test_first_measurement_correlates_velocity_and_current_as_two_numbers():
 
 def test_the_optimal_filter_is_optimal_where_its_model_is_the_truth():
     model = attrs.evolve(SHORT, initial_current="stationary", initial_errors="drawn")
-    for flag, scenario in ((True, model), (False, attrs.evolve(model, initial_current="zero"))):
-        sea = conditions.Sea(scenario, Flown((), {}))
-        losses = [c.estimate.value for c in conditions.suboptimal([sea])]
-        assert (min(losses) > 0) == flag
+    losses = [
+        c.estimate.value for c in conditions.suboptimal([conditions.Sea(model, Flown((), {}))])
+    ]
+    assert len(losses) == 11 * 3 - 3
+    assert min(losses) > 0
     assert conditions.losses(SHORT, 1.0, SIGMA) == (0.0, 0.0)
     assert min(conditions.losses(model, 3.0, SIGMA)) > 0
     three = conditions.Sea(attrs.evolve(SHORT, log_axes=3), Flown((), {}))

@@ -14,6 +14,7 @@ import numpy as np
 
 from seanav.claims import Condition
 from seanav.estimates import Estimate, significant
+from seanav.report import Report
 from seanav.studies.imm_sea_current import scores
 
 PURE, BEST = "pure navigation", "optimal EKF"
@@ -110,6 +111,12 @@ def condition(what: str, estimate: Estimate | str, *region: float, **more: Any) 
     """Return a `Condition`; a filter that diverged has a number, and it fails."""
     lost = isinstance(estimate, str) and estimate.endswith("diverged")
     return Condition(what, LOST if lost else estimate, *region, **more)
+
+
+def judge(report: Report, number: str, found: Sequence[Condition], basis: str) -> None:
+    """Judge a claim; if there is no condition, nothing of what it speaks of was run."""
+    nothing = Condition("what it speaks of", "nothing of what it speaks of was run")
+    report.claim(number, found or [nothing], basis)
 
 
 def crossing(grid: np.ndarray, curve: list[float], level: float) -> str:
