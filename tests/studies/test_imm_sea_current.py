@@ -628,8 +628,6 @@ def test_a_controlled_number_is_the_regression_at_the_exact_values():
     assert got.value == pytest.approx(intercept)
     assert got.se == pytest.approx(math.sqrt(rest[0] / 57 / 60), rel=1e-6)
     assert got.se < 0.1 * estimates.average(y).estimate().se
-    few = estimates.average(y[:10])
-    assert scores.controlled(few, [(estimates.average(x[:10, 0]), 3.0)] * 2) is few
 
 
 def test_sharp_rates_are_right_and_have_honest_intervals():

@@ -15,6 +15,7 @@ COLUMNS = ("position_m", "velocity_m_s", "levelling_deg", "heading_deg")
 UNITS = ("m", "m/s", "deg", "deg")
 
 LOST = 1e7  # m: a filter that is farther off than from pole to equator has diverged
+FEWEST = 15  # runs from which the two slopes of `controlled` can be fitted
 TCEP = 0.589  # of the sum of the two RMS, equation (27)
 
 
@@ -77,8 +78,6 @@ def controlled(number: Statistic, controls: Sequence[tuple[Statistic, float]]) -
     section 4.1.
     """
     runs, count = len(number.influence), len(controls)
-    if runs < 5 * (count + 1):  # too few to fit: as it is
-        return number
     shared = np.stack([control.influence for control, _ in controls], axis=1)
     slopes = np.linalg.lstsq(shared, number.influence, rcond=None)[0]
     chance = np.array([control.value - known for control, known in controls])
@@ -88,7 +87,7 @@ def controlled(number: Statistic, controls: Sequence[tuple[Statistic, float]]) -
 
 def _rate(flight: Flight, pure: Flight, best: Flight, exact: Sequence | None = None) -> Statistic:
     number, without, least = (_tcep(one) for one in (flight, pure, best))
-    if exact is None:
+    if exact is None or len(number.influence) < FEWEST:
         return 100 * (without - number) / (without - least)
     number = controlled(number, list(zip((without, least), exact, strict=True)))
     return 100 * (exact[0] - number) / (exact[0] - exact[1])
