@@ -9,11 +9,21 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from seanav import montecarlo
+from seanav import estimates, montecarlo
 from seanav.checks import ParameterError
 from seanav.filters import ins
 from seanav.models import currents, earth, inertial
-from seanav.studies.imm_sea_current import appendix, beyond, linear, printed, run, scores
+from seanav.studies.imm_sea_current import (
+    appendix,
+    beyond,
+    conditions,
+    linear,
+    printed,
+    run,
+    scores,
+    tables,
+)
+from seanav.studies.imm_sea_current.flown import Flown, condition
 from seanav.studies.imm_sea_current.scenario import Scenario
 
 SHORT = Scenario(runs=16, duration_s=1200.0, seed=11)
@@ -603,3 +613,119 @@ def test_nonlinear_filter_with_H_at_the_truth_is_the_linear_model():
     near, far = distance(0.5, "truth"), distance(2.0, "truth")
     assert 3 < far / near < 6
     assert distance(0.5, "estimate") > 10 * near
+
+
+def test_a_controlled_number_is_the_regression_at_the_exact_values():
+    random = np.random.default_rng(5)
+    x = random.normal([3.0, -1.0], 1.0, (60, 2))
+    y = 2.0 + x @ [1.5, -0.7] + 0.1 * random.standard_normal(60)
+    exact = [3.0, -1.0]
+    controls = [(estimates.average(x[:, k]), exact[k]) for k in (0, 1)]
+    got = scores.controlled(estimates.average(y), controls).estimate()
+    # Least squares with an intercept, its value at the known means.
+    design = np.column_stack([np.ones(60), x - exact])
+    (intercept, *_), rest = np.linalg.lstsq(design, y, rcond=None)[:2]
+    assert got.value == pytest.approx(intercept)
+    assert got.se == pytest.approx(math.sqrt(rest[0] / 57 / 60), rel=1e-6)
+    assert got.se < 0.1 * estimates.average(y).estimate().se
+
+
+def test_sharp_rates_are_right_and_have_honest_intervals():
+    random = np.random.default_rng(6)
+    means = {"pure": 9.0, "best": 1.0, "own": 2.0}  # of squares, north as east
+    tcep = {name: 2 * 0.589 * math.sqrt(mean) for name, mean in means.items()}
+    true = 100 * (tcep["pure"] - tcep["own"]) / (tcep["pure"] - tcep["best"])
+    exact, covered, plain, sharp = (tcep["pure"], tcep["best"]), 0, [], []
+    for _ in range(400):
+        shared = random.chisquare(4, (2, 100)) / 4
+        own = 0.9 * shared + 0.1 * random.chisquare(4, (2, 100)) / 4
+        flights = [_mission(m) for m in (2.0 * own, 9.0 * shared, 1.0 * shared)]
+        plain.append(scores.rate(*flights).value)
+        one = scores.rate(*flights, exact)
+        sharp.append(one.value)
+        covered += one.low <= true <= one.high
+    assert 0.91 < covered / 400 < 0.98
+    assert abs(np.mean(sharp) - true) < 4 * np.std(sharp) / 20 + 0.02
+    first, second = (flights[0], *flights[1:], exact), (flights[1], *flights[1:], exact)
+    # Pure navigation has the rate 0, whatever the runs.
+    difference = scores.rate_difference(first, second)
+    assert difference.value == pytest.approx(scores.rate(*first).value)
+
+
+def test_exact_rates_and_their_ends():
+    ends = linear.ends(SHORT, (0.1, 0.5))
+    for sigma, (pure, best) in ends.items():
+        assert pure == pytest.approx(linear.scores(SHORT, None, sigma)[4])
+        assert best == pytest.approx(linear.scores(SHORT, sigma, sigma)[4])
+        worse = linear.scores(SHORT, 1.0, sigma)[4]
+        assert linear.rate(SHORT, 1.0, sigma) == pytest.approx(100 * (pure - worse) / (pure - best))
+        assert linear.rate(SHORT, sigma, sigma) == pytest.approx(100.0)
+    assert linear.ends(attrs.evolve(SHORT, log_axes=3), (0.1,)) == {}
+
+
+def test_first_measurement_correlates_velocity_and_current_as_two_numbers():
+    start, after = linear.shared_error(SHORT, SIGMA)
+    assert start == 0.0
+    # Two independent numbers, of which the difference is measured: normal equations.
+    sensor = SHORT.sensor_errors
+    velocity = 1e-6 + sensor.accelerometer_noise**2 + sensor.accelerometer_bias**2
+    H = np.array([[1.0, -1.0]])
+    P = np.linalg.inv(np.diag([1 / velocity, 1 / SIGMA**2]) + H.T @ H / SHORT.log_noise**2)
+    assert after == pytest.approx(P[0, 1] / math.sqrt(P[0, 0] * P[1, 1]), rel=0.01)
+
+
+def test_the_optimal_filter_is_optimal_where_its_model_is_the_truth():
+    model = attrs.evolve(SHORT, initial_current="stationary", initial_errors="drawn")
+    losses = [
+        c.estimate.value for c in conditions.suboptimal([conditions.Sea(model, Flown((), {}))])
+    ]
+    assert len(losses) == 11 * 3 - 3
+    assert min(losses) > 0
+    assert conditions.losses(SHORT, 1.0, SIGMA) == (0.0, 0.0)
+    assert min(conditions.losses(model, 3.0, SIGMA)) > 0
+    three = conditions.Sea(attrs.evolve(SHORT, log_axes=3), Flown((), {}))
+    assert three.exact(linear.rate, 0.1, 0.5) == conditions.UNKNOWN
+
+
+def test_the_two_regions_of_an_exchanged_pair_have_their_signs(monkeypatch):
+    monkeypatch.setattr(linear, "rate", lambda scenario, s, sigma: 10.0 if s < sigma else 70.0)
+    sea = conditions.Sea(SHORT, Flown((), {}))
+    exact = [c for c in conditions.lopsided([sea]) if not c.aside and c.counts]
+    assert [c.estimate.value for c in exact] == [60.0] * 3
+    assert {c.outcome for c in exact} == {"holds"}
+    below = conditions.worse_than_pure([sea])
+    assert {c.outcome for c in below} == {"fails"}
+    much = [c.what for c in below if c.group.endswith("times")]
+    assert [w.split(" at ")[1].split(" m/s")[0] for w in much] == ["1", "5", "10"]
+
+
+def test_a_filter_that_diverged_fails_and_one_that_was_not_run_does_not_count(made_up):
+    a, b, c, _ = made_up
+    lost = _mission([[1e20, 1e20], [1e20, 1e20]])
+    flown = Flown((0.5,), {"pure navigation": [a], "optimal EKF": [c], "some": [b], "lost": [lost]})
+    assert condition("one", flown.sharp_rate("lost", 0.5), 90.0).outcome == "fails"
+    assert condition("two", flown.sharp_rate("absent", 0.5), 90.0).outcome == "not run"
+    assert flown.least("some") == 0.5
+    assert flown.least("lost") is None
+    assert flown.rate("some", 0.5) == flown.sharp_rate("some", 0.5)
+    assert flown.cell_ratio(1, "some", "optimal EKF", 0.5) == scores.log_ratios(b, c)[1]
+
+
+def test_tables_list_every_printed_cell_and_an_imm_for_each_reading_of_T():
+    chains = beyond.diagonals(Scenario())
+    assert chains == {"p = 0.9": "", "p = 0.95": " p=0.95"}
+    names = [own for _, own, _, _ in tables.rows(2, chains)]
+    assert names[-2:] == ["IMM-AFEKF 0.1,0.5", "IMM-AFEKF 0.1,0.5 p=0.95"]
+    assert len(names) == len(printed.CELLS[2]) + 1
+    assert beyond.other_p(Scenario(transition=((0.95, 0.05), (0.05, 0.95)))) == 0.9
+    starts = [
+        beyond.other_start(attrs.evolve(SHORT, initial_current=s)) for s in ("zero", "stationary")
+    ]
+    assert [one.initial_current for one in starts] == ["stationary", "zero"]
+
+
+def test_a_jump_of_the_current_leaves_what_was_before_it():
+    early, late = (beyond.changing(SHORT, at=at)["EKF 0.1"] for at in (0.25, 0.75))
+    quarter = early.series.errors.shape[0] // 4
+    assert np.array_equal(early.series.errors[:quarter], late.series.errors[:quarter])
+    assert not np.array_equal(early.series.errors[quarter], late.series.errors[quarter])

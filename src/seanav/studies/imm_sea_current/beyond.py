@@ -15,6 +15,8 @@ from seanav.studies.imm_sea_current import linear, printed, run
 from seanav.studies.imm_sea_current.scenario import Scenario
 
 GRID = (0.05, 0.1, 0.3, 0.6, 1.0)  # of the true sigma, m/s, where the scenario's grid has them
+CAUSES = (0.6, 0.9, 1.0)  # m/s, of these, where fading may be the cause of a lead
+PLACES = (0.375, 0.5, 0.625)  # of the mission: before, at and after the middle corner of a square
 STAY = (0.8, 0.9, 0.95, 0.98)
 
 
@@ -54,10 +56,48 @@ def chains(scenario: Scenario, swept: dict[str, list[Flight]]) -> dict[str, list
     return _only(found, filters)
 
 
-def stationary(scenario: Scenario) -> dict[str, list[Flight]]:
-    """Fly the IMMs of the paper with the current starting from its stationary law."""
-    scenario = attrs.evolve(scenario, initial_current="stationary")
-    return run.sweep(scenario, imms(scenario), grid(scenario), label="initial current")
+def other_p(scenario: Scenario) -> float:
+    """Return the other likely reading of the diagonal of T: 0.95, or 0.9 beside that."""
+    return 0.95 if scenario.transition[0][0] != 0.95 else 0.9
+
+
+def diagonals(scenario: Scenario) -> dict[str, str]:
+    """Return the two readings of T in words, and what the names of their IMMs end in."""
+    p = other_p(scenario)
+    return {f"p = {scenario.transition[0][0]:g}": "", f"p = {p:g}": f" p={p:g}"}
+
+
+def other_imms(scenario: Scenario) -> list[run.Filter]:
+    """Return the IMMs of the paper with the other diagonal of T."""
+    return [with_chain(one, other_p(scenario)) for one in imms(scenario)]
+
+
+def causes(scenario: Scenario, swept: dict[str, list[Flight]]) -> dict[str, list[Flight]]:
+    """Fly IMMs of plain EKFs with the other diagonal on `cause_grid`, beside the sweep."""
+    plain = [with_chain(run.EKF(*pair), other_p(scenario)) for pair in run.pairs(scenario)]
+    return run.sweep(scenario, plain, cause_grid(scenario), known=swept, label="without fading")
+
+
+def cause_grid(scenario: Scenario) -> tuple[float, ...]:
+    """Return the points at which the causes of claims 4.9 and 4.29 are looked for."""
+    return tuple(s for s in scenario.sigma_true if s in CAUSES) or scenario.sigma_true
+
+
+def other_start(scenario: Scenario) -> Scenario:
+    """Return the scenario whose true current starts the other way."""
+    start = "stationary" if scenario.initial_current == "zero" else "zero"
+    return attrs.evolve(scenario, initial_current=start)
+
+
+def started(scenario: Scenario) -> dict[str, list[Flight]]:
+    """Fly the filters of Tables 2 and 3 and the IMMs, with both diagonals of T, on `GRID`."""
+    singles = [make for s in scenario.sigma_filter[:2] for make in _singles(scenario, s)]
+    filters = [*singles, *imms(scenario), *other_imms(scenario)]
+    return run.sweep(scenario, filters, grid(scenario), label="the other start")
+
+
+def _singles(scenario, s):
+    return run.EKF(s), run.AFEKF(scenario, s)
 
 
 def three(scenario: Scenario, swept: dict[str, list[Flight]]) -> dict[str, list[Flight]]:
@@ -84,16 +124,23 @@ def _only(found, filters):
 
 
 def changing(
-    scenario: Scenario, low: float = 0.1, high: float = 0.8, stride: int = 60
+    scenario: Scenario,
+    low: float = 0.1,
+    high: float = 0.8,
+    at: float = 0.5,
+    stride: int = 60,
 ) -> dict[str, Flight]:
-    """Fly a mission whose current grows from `low` to `high` (m/s) at half time.
+    """Fly a mission whose current is multiplied by high/low (m/s) at once.
+
+    The whole vector of the current jumps, as when a vehicle crosses a front; its noise grows
+    by the same factor. `at` is the share of the mission that is then over.
 
     Returns
     -------
     dict of name to Flight with series
     """
     steps = int(scenario.duration_s)
-    sigma = np.where(np.arange(steps) < steps // 2, low, high)
+    sigma = np.where(np.arange(steps) < int(at * steps), low, high)
     filters = [run.EKF(0.1), run.AFEKF(scenario, 0.1), run.EKF(0.5)]
     filters += [run.AFEKF(scenario, 0.1, 0.5), run.EKF(0.1, 0.5)]
     missions = run.fly_all(scenario, [(f, sigma) for f in filters], stride=stride)

@@ -12,7 +12,7 @@ from seanav.models import earth
 from seanav.models.trajectories import Trajectory
 from seanav.models.units import KM
 from seanav.studies.imm_sea_current import scores
-from seanav.studies.imm_sea_current.claims import BEST, PURE, Flown
+from seanav.studies.imm_sea_current.flown import BEST, PURE, Flown
 
 SIGMA = r"$\sigma_T$ (m/s)"
 
@@ -24,9 +24,11 @@ def style(name: str) -> dict[str, Any]:
     if name == "optimal EKF":
         return plots.look("optimal", 0)
     kinds = {"EKF": "Kalman", "AFEKF": "adaptive", "IMM-EKF": "hybrid"}
-    kind, sigma = name.split()[:2]
+    kind, sigma, *chain = name.split()
     marker = {"0.1": 1, "0.5": 2, "1": 3, "0.1,0.5": 1, "0.1,1": 2, "0.1,0.5,1": 3}.get(sigma, 4)
-    return plots.look(kinds.get(kind, "interacting models"), marker)
+    look = plots.look(kinds.get(kind, "interacting models"), marker)
+    # Another transition matrix: the same colour and marker, hollow and dotted.
+    return look | {"linestyle": ":", "markerfacecolor": "white"} if chain else look
 
 
 def _axes(columns=2, height=3.4, rows=1):
@@ -82,7 +84,7 @@ def tcep_and_rate(
 ) -> Figure:
     """Draw (a) TCEP and (b) its rate against sigma_T with 95 % bands (figures 3 to 5).
 
-    `flown` is the sweep, a `claims.Flown`; `linear` maps names to exact TCEPs on the grid,
+    `flown` is the sweep, a `flown.Flown`; `linear` maps names to exact TCEPs on the grid,
     drawn as thin dashes.
     """
     fig, (left, right) = _axes()
@@ -127,6 +129,22 @@ def rates(flown: Flown, panels: dict) -> Figure:
             plots.band(axis, flown.grid, flown.rates(name), name, **look)
         axis.axhline(90, color="0.6", lw=0.8, ls=":")
         axis.set(xlabel=SIGMA, ylabel="TCEP rate (%)", title=title)
+        plots.legend(axis)
+    return fig
+
+
+def losses(grid: Sequence, panels: dict[str, dict[str, list[float]]]) -> Figure:
+    """Draw what each EKF loses against the optimal one (%); one panel for each start."""
+    panels = panels or {"nothing is known exactly": {}}
+    fig, axes = plt.subplots(
+        1, len(panels), figsize=(4.6 * len(panels), 3.4), squeeze=False, sharey=True
+    )
+    for axis, (title, curves) in zip(axes[0], panels.items(), strict=True):
+        for name, curve in curves.items():
+            axis.plot(grid, curve, label=name, **style(name) | {"markevery": 4})
+        axis.axhline(0, color="k", lw=0.8)
+        axis.set(xlabel=SIGMA, ylabel="TCEP above the optimal one (%)", title=title)
+        axis.set(ylim=(-5, 40))
         plots.legend(axis)
     return fig
 

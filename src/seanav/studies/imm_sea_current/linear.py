@@ -5,6 +5,7 @@ Exact for the linearised model with gains on the true path; see
 """
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -138,6 +139,40 @@ def scores(scenario: Any, sigma_filter: float | None, sigma_true: float) -> np.n
     rms = (math.hypot(math.sqrt(north), math.sqrt(east)), v)
     tcep = TCEP * (math.sqrt(north) + math.sqrt(east))
     return np.array([*rms, math.degrees(levelling), math.degrees(heading), tcep])
+
+
+@lru_cache(maxsize=1024)
+def tcep(scenario: Any, sigma_filter: float | None, sigma_true: float) -> float:
+    """Return the TCEP (m) of one EKF, or of pure navigation."""
+    return float(scores(scenario, sigma_filter, sigma_true)[4])
+
+
+def rate(scenario: Any, sigma_filter: float, sigma_true: float) -> float:
+    """Return the TCEP rate of one EKF, equation (28), in percent."""
+    pure, best = tcep(scenario, None, sigma_true), tcep(scenario, sigma_true, sigma_true)
+    return 100 * (pure - tcep(scenario, sigma_filter, sigma_true)) / (pure - best)
+
+
+def ends(scenario: Any, grid: Sequence[float]) -> dict[float, tuple[float, float]]:
+    """Return the TCEPs (m) between which a rate lies, pure and optimal, at each true sigma.
+
+    Empty for a log of three axes: the linear model knows the forward one alone.
+    """
+    if scenario.log_axes > 1:
+        return {}
+    return {s: (tcep(scenario, None, s), tcep(scenario, s, s)) for s in grid}
+
+
+def shared_error(scenario: Any, sigma: float) -> tuple[float, float]:
+    """Return the correlation of velocity and current errors ahead, at the start and updated.
+
+    The second is that after the first measurement of the log.
+    """
+    H = model(scenario.path(), scenario.correlation_time_s)[1][0]
+    ahead = [np.where(np.isin(np.arange(18), part), H, 0.0) for part in ((3, 4), (15, 16))]
+    v, c = ahead[0], -ahead[1]
+    covariances = design(scenario, sigma)[1][:2]
+    return tuple(float(v @ P @ c / math.sqrt(v @ P @ v * (c @ P @ c))) for P in covariances)
 
 
 def twin(scenario: Scenario, sigma_filter: float, sigma_true: float, runs: int) -> np.ndarray:

@@ -13,8 +13,6 @@ from seanav.models import earth, inertial, units
 from seanav.models.trajectories import SHAPES, Trajectory
 from seanav.scenario import Choice, Integer, List, Number, Parameters, parameter, tenth
 
-CLAIMS = tuple(f"4.{k}" for k in range(1, 18))
-
 # Bounds on work and memory. Six hours of 100 Hz noise take 0.3 GB a processor; the records
 # of all studies in one notebook stay below 1 GB.
 MOST_RUNS = 10_000
@@ -70,7 +68,7 @@ class Scenario(Parameters):
         "square",
         Choice(SHAPES),
         origin="derived",
-        note="one lap; explains Tables 2 and 3, chosen by looking at them",
+        note="one lap; chosen of about 110 shapes by looking at Tables 2 and 3",
     )
     corner_radius: float = parameter(
         300.0,
@@ -129,7 +127,7 @@ class Scenario(Parameters):
         "zero",
         Choice(("zero", "stationary")),
         origin="derived",
-        note="chosen by looking at Tables 2 and 3",
+        note="chosen by one ratio of Table 3; both are shown",
     )
     initial_errors: str = parameter(
         "none", Choice(("none", "drawn")), origin="derived", note="drawn: from the next four"
@@ -163,7 +161,7 @@ class Scenario(Parameters):
         ((0.9, 0.1), (0.1, 0.9)),
         List(List(Number(at_least=0, at_most=1), 2), 2),
         origin="assumed",
-        note="damaged in print; 0.9 is the likely reading",
+        note="damaged in our copy; 0.9 is the likely reading, Table 2 speaks for 0.95",
     )
     initial_probabilities: tuple = parameter(
         (0.5, 0.5), List(Number(at_least=0, at_most=1), 2), origin="text"

@@ -3,6 +3,8 @@
 `flight` is a `seanav.filters.ins.Flight`: what one filter did in all runs.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from seanav import estimates
@@ -10,9 +12,10 @@ from seanav.estimates import Estimate, Statistic, rms
 from seanav.filters.ins.score import Flight
 
 COLUMNS = ("position_m", "velocity_m_s", "levelling_deg", "heading_deg")
-
+UNITS = ("m", "m/s", "deg", "deg")
 
 LOST = 1e7  # m: a filter that is farther off than from pole to equator has diverged
+FEWEST = 15  # runs from which the two slopes of `controlled` can be fitted
 TCEP = 0.589  # of the sum of the two RMS, equation (27)
 
 
@@ -55,26 +58,60 @@ def tcep_log_ratio(flight: Flight, other: Flight) -> Estimate:
     return (_tcep(flight) / _tcep(other)).log().estimate()
 
 
-def _rate(flight: Flight, pure: Flight, best: Flight) -> Statistic:
-    without = _tcep(pure)
-    return 100 * (without - _tcep(flight)) / (without - _tcep(best))
+def controlled(number: Statistic, controls: Sequence[tuple[Statistic, float]]) -> Statistic:
+    """Return `number` without the sampling error that it shares with known numbers.
+
+    Each control is a number of the same runs whose exact value is known. What the runs
+    happened to add to it is known too, and so is, by regression of the contributions of the
+    runs, the part of it that went into `number`: it is subtracted. Beside its bias of order
+    1/runs the result is that of many more runs.
+
+    Parameters
+    ----------
+    number : Statistic
+    controls : sequence of (Statistic, float)
+        Numbers of the same runs, and their exact values.
+
+    References
+    ----------
+    P. Glasserman, *Monte Carlo Methods in Financial Engineering*, Springer, 2004,
+    section 4.1.
+    """
+    runs, count = len(number.influence), len(controls)
+    shared = np.stack([control.influence for control, _ in controls], axis=1)
+    slopes = np.linalg.lstsq(shared, number.influence, rcond=None)[0]
+    chance = np.array([control.value - known for control, known in controls])
+    spread = np.sqrt((runs - 1) / (runs - 1 - count))  # degrees of freedom of the fit
+    return Statistic(number.value - slopes @ chance, spread * (number.influence - shared @ slopes))
 
 
-def rate(flight: Flight, pure: Flight, best: Flight) -> Estimate:
-    """Return the TCEP rate, equation (28), in percent, runs paired."""
-    return _rate(flight, pure, best).estimate()
+def _rate(flight: Flight, pure: Flight, best: Flight, exact: Sequence | None = None) -> Statistic:
+    number, without, least = (_tcep(one) for one in (flight, pure, best))
+    if exact is None or len(number.influence) < FEWEST:
+        return 100 * (without - number) / (without - least)
+    number = controlled(number, list(zip((without, least), exact, strict=True)))
+    return 100 * (exact[0] - number) / (exact[0] - exact[1])
 
 
-def rate_difference(first: tuple[Flight, ...], second: tuple[Flight, ...]) -> Estimate:
-    """Return the difference of two rates in points; each is (flight, pure, best)."""
+def rate(flight: Flight, pure: Flight, best: Flight, exact: Sequence | None = None) -> Estimate:
+    """Return the TCEP rate, equation (28), in percent, runs paired.
+
+    `exact` holds the TCEPs (m) of `pure` and `best` where they are known without sampling:
+    they stand in the rate, and take their share out of the error of `flight` (`controlled`).
+    """
+    return _rate(flight, pure, best, exact).estimate()
+
+
+def rate_difference(first: tuple, second: tuple) -> Estimate:
+    """Return the difference of two rates in points; each as the arguments of `rate`."""
     return (_rate(*first) - _rate(*second)).estimate()
 
 
 def advantage_difference(
-    first: tuple[Flight, ...],
-    second: tuple[Flight, ...],
-    third: tuple[Flight, ...],
-    fourth: tuple[Flight, ...],
+    first: tuple,
+    second: tuple,
+    third: tuple,
+    fourth: tuple,
 ) -> Estimate:
     """Return (rate 1 − rate 2) − (rate 3 − rate 4) in points; each as in `rate_difference`."""
     one, two, three, four = (_rate(*each) for each in (first, second, third, fourth))
