@@ -149,8 +149,8 @@ CLAIMS = (
         quote="This ensures that the carrier does not get lost, reducing the risk of losing the "
         "carrier significantly",
         section="section 4.1",
-        reading="On the plan and up to 5.5 km beside it at most one run in a hundred ends lost; "
-        "the hundredth is our threshold",
+        reading="At most one run in a hundred ends lost on any of the plans and the paths up to "
+        "5.5 km beside them; the hundredth is our threshold",
         shown=("table_B10",),
     ),
     Claim(

@@ -83,9 +83,14 @@ class Score:
         return (self.sum / self.bound.sum()).estimate()
 
     @property
+    def lost(self) -> np.ndarray:
+        """Which runs end more than 1 km and four bounds away from the truth, (runs,) bool."""
+        return self.squared[:, -1] > max(KM, 4 * self.bound[-1]) ** 2
+
+    @property
     def diverged(self) -> int:
-        """Number of runs that end more than 1 km and four bounds away from the truth."""
-        return int((self.squared[:, -1] > max(KM, 4 * self.bound[-1]) ** 2).sum())
+        """Number of runs that end `lost`."""
+        return int(self.lost.sum())
 
     def sample(self, distance_km: float) -> int:
         """Index of the sample nearest to a distance along the path."""
