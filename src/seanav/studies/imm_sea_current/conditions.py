@@ -8,8 +8,9 @@ from zero or from its stationary law (two `Sea`), and the diagonal p of the tran
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import attrs
 import numpy as np
@@ -24,7 +25,8 @@ from seanav.studies.imm_sea_current.scenario import Scenario
 SMALL, LARGE = printed.SIGMA[2], printed.SIGMA[3]  # m/s, the ends of the paper's domain
 RATE = 90.0  # %, which the paper asks of the IMM
 MUCH = 10.0  # times σ_f: our reading of "≫"
-PERCENT, POINTS = {"unit": "%"}, {"unit": "points"}
+PERCENT: dict[str, Any] = {"unit": "%"}
+POINTS: dict[str, Any] = {"unit": "points"}
 UNKNOWN = "the linear model knows the forward axis alone: with three it was not run"
 
 
@@ -40,7 +42,7 @@ class Sea:
         """Such as ``"zero start"``."""
         return f"{self.scenario.initial_current} start"
 
-    def exact(self, number, *arguments: float) -> Estimate | str:
+    def exact(self, number: Callable, *arguments: float) -> Estimate | str:
         """Return ``number(scenario, …)``, exact, or why there is none."""
         if self.scenario.log_axes > 1:
             return UNKNOWN
@@ -132,9 +134,9 @@ def fading_below(sea: Sea) -> list[Condition]:
     found = []
     for s in sea.scenario.sigma_filter:
         for sigma in (x for x in sea.flown.grid if x > s):
-            names = (f"{kind} {run.label((s,))}" for kind in ("AFEKF", "EKF"))
+            faded, plain = (f"{kind} {run.label((s,))}" for kind in ("AFEKF", "EKF"))
             what = f"ln TCEP(AFEKF {s:g} / EKF {s:g}) at {sigma:g} m/s"
-            number = sea.flown.versus(*names, sigma)
+            number = sea.flown.versus(faded, plain, sigma)
             found.append(condition(what, number, high=0.0, group=f"σ_f = {s:g} m/s"))
     return found
 

@@ -79,7 +79,7 @@ class Flown:
         """Return the true sigma at which the rate of a filter is least; None: no rate."""
         rates = {s: self.sharp_rate(name, s) for s in self.grid}
         found = {s: rate.value for s, rate in rates.items() if not isinstance(rate, str)}
-        return min(found, key=found.get) if found else None
+        return min(found, key=found.__getitem__) if found else None
 
     def versus(self, name: str, other: str, sigma: float) -> Estimate | str:
         """Return ln of the ratio of two TCEPs on the same runs."""
@@ -107,10 +107,16 @@ def shown(x: Any, unit: str = "") -> str:
     return f"{significant(x)}{unit}"
 
 
-def condition(what: str, estimate: Estimate | str, *region: float, **more: Any) -> Condition:
+def condition(
+    what: str,
+    estimate: Estimate | str,
+    low: float = -math.inf,
+    high: float = math.inf,
+    **more: Any,
+) -> Condition:
     """Return a `Condition`; a filter that diverged has a number, and it fails."""
     lost = isinstance(estimate, str) and estimate.endswith("diverged")
-    return Condition(what, LOST if lost else estimate, *region, **more)
+    return Condition(what, LOST if lost else estimate, low, high, **more)
 
 
 def judge(report: Report, number: str, found: Sequence[Condition], basis: str) -> None:

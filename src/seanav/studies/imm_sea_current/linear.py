@@ -163,7 +163,7 @@ def ends(scenario: Any, grid: Sequence[float]) -> dict[float, tuple[float, float
     return {s: (tcep(scenario, None, s), tcep(scenario, s, s)) for s in grid}
 
 
-def shared_error(scenario: Any, sigma: float) -> tuple[float, float]:
+def shared_error(scenario: Any, sigma: float) -> tuple[float, ...]:
     """Return the correlation of velocity and current errors ahead, at the start and updated.
 
     The second is that after the first measurement of the log.
