@@ -125,9 +125,9 @@ def test_full_run_publishes_everything(finished):
     assert entry["seed"] == 1
     assert entry["packages"]["numpy"].startswith("2.")
     report = (figures / "REPORT.md").read_text(encoding="utf-8")
-    assert "| reproduced | 1 |" in report
+    assert "Of 1 claims: 1 reproduced, 0 mixed" in report
     assert "Printed numbers that ours agree with: 1 of 1." in report
-    assert r"| 9.1 | the mean \| is positive | reproduced | " in report
+    assert r"| 9.1 | “the mean \| is positive” | **reproduced**: 1 of 1 hold" in report
     assert not (finished / "build" / "failed").exists()
 
 

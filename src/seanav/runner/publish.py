@@ -225,7 +225,7 @@ def committed(root: Path, stem: str, regions: str, before: dict) -> str | None:
         git("diff", "--quiet", "HEAD", "--", str(_room(stem)))
         return git("rev-parse", "HEAD").strip() if _same_code(root, stem, stored) else None
     except (OSError, subprocess.CalledProcessError, ValueError):
-        return None  # no git, no repository, or not committed
+        return None  # no git, or not committed
 
 
 def _same_code(root, stem, stored):
