@@ -206,7 +206,7 @@ def picture(everything: dict[str, dict]) -> bytes:
                 letter, colour = COLOURS[claim["verdict"]]
                 corner = (column - 0.46, row - 0.42)
                 squares.add_patch(Rectangle(corner, 0.92, 0.84, fc=colour, ec="black", lw=0.5))
-                name = f"{letter}\n{number}"
+                name = f"{letter}\n{number.partition('.')[2]}"  # the row names the paper
                 squares.text(column, row, name, ha="center", va="center", fontsize=8)
             left, found = 0.0, outcomes(claims)
             for outcome in sorted(OUTCOMES, key=("holds", "undecided", "fails").index):
