@@ -128,7 +128,7 @@ LEVELS = {
     },
     "4_imm_sea_current": {
         "duration_s": [300.0, 601.0],
-        "speed_kn": [20.0, 0.1],
+        "speed_kn": [20.0, 15.0],
         "latitude_deg": [36.0, -80.0, 0.0],
         "longitude_deg": [127.0, 360.0, -180.0],
         "corner_radius": [60.0, 55.0],
@@ -199,7 +199,7 @@ RUNS = {
     "1_ito_filter": [
         {"mission": 1.0},
         {"filter_step": 0.5, "map_interval": [0.5]},
-        {"torpedo_step": 0.125},
+        {"torpedo_step": 0.0625},
         {"strong_noise": 30.0},
         {"strong_noise": 1e3},
         {"map_interval": [0.01], "filter_step": 0.01},
