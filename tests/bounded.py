@@ -1,9 +1,12 @@
-"""Run a piece of code in a process of its own, with bounds on its time and memory."""
+"""Run a piece of code with bounds: on its time, or in a process of its own, on memory too."""
 
+import faulthandler
 import os
 import resource
+import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 TESTS = Path(__file__).resolve().parent
@@ -28,3 +31,21 @@ def run(code, *, seconds=60, **environment):
     )
     assert done.returncode == 0, f"code {done.returncode}: {done.stderr[-2000:]}"
     return done.stdout
+
+
+@contextmanager
+def limit(seconds):
+    """Raise TimeoutError in what takes longer; end the process if a kernel never returns."""
+
+    def late(number, frame):
+        raise TimeoutError(f"no end within {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.alarm(seconds)
+    faulthandler.dump_traceback_later(2 * seconds, exit=True, file=sys.__stderr__)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)

@@ -7,14 +7,13 @@ and tiny numbers, empty, long, unsorted and repeated lists. A hundred cases a pa
 
 import math
 import os
-import signal
 import warnings
 from collections.abc import Callable
-from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+from bounded import limit
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -191,20 +190,6 @@ STUDIES = {
 }  # fmt: skip
 
 # ---------------------------------------------------------------- the test
-
-
-@contextmanager
-def limit(seconds):
-    def late(number, frame):
-        raise TimeoutError(f"no end within {seconds} s")
-
-    before = signal.signal(signal.SIGALRM, late)
-    signal.alarm(seconds)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def chosen(study):

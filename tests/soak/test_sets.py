@@ -1,0 +1,38 @@
+"""The sets of the soak: every pair of levels meets, every option is there, enough of them."""
+
+import importlib
+from itertools import combinations, product
+
+import pytest
+from cells import SMALL
+from sets import LEVELS, REFUSED, RUNS, covering, factors
+
+from seanav.scenario import Choice
+
+
+def scenario(stem):
+    study = importlib.import_module(f"seanav.studies.{stem.partition('_')[2]}.scenario")
+    return study.Scenario
+
+
+@pytest.mark.parametrize("sizes", [(2, 2), (3, 1, 2), (5, 6, 2, 2, 3), (3,) * 20])
+def test_every_pair_of_levels_meets(sizes):
+    levels = {f"f{k}": list(range(size)) for k, size in enumerate(sizes)}
+    rows = covering(levels)
+    for (one, some), (other, more) in combinations(levels.items(), 2):
+        assert {(row[one], row[other]) for row in rows} == set(product(some, more))
+    first, second, *_ = sorted(sizes, reverse=True)
+    assert first * second <= len(rows) <= 2 * first * second + len(sizes)
+
+
+@pytest.mark.parametrize("stem", SMALL)
+def test_sets_speak_of_parameters_and_hold_every_option(stem):
+    declared, found = scenario(stem).declared(), factors(stem)
+    assert set(LEVELS[stem]) <= declared.keys()
+    for name, (_, about) in declared.items():
+        if isinstance(about.kind, Choice):
+            levels = [level.get(name) for of in found.values() for level in of]
+            assert set(about.kind.options) <= set(levels), name
+    for changes in (*RUNS[stem], *REFUSED[stem]):
+        assert changes.keys() <= declared.keys()
+    assert len(covering(found)) + len(RUNS[stem]) >= 25
