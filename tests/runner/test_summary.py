@@ -78,7 +78,7 @@ def test_the_report_says_verdict_counts_decisive_number_and_links(report):
     (row,) = [x for x in report.splitlines() if x.startswith("| 9.2 | “")]
     assert r"“a claim \| of mixed”" in row
     assert "**mixed**: 1 of 2 hold, 1 fail, 0 undecided" in row
-    assert r"far \| away: -1.50 [-2.00, -1.00] km, claimed at least 0" in row
+    assert r"far \| away: -1.50 [-2.00, -1.00] km, must be at least 0" in row
     assert "[figure 1](9_tiny/figure_01.png) [table B2](9_tiny/table_B2.csv)" in report
     assert "- **What holds.** Much." in report
     assert "- north: 1 of 1 hold, 0 fail, 0 undecided" in report

@@ -31,11 +31,16 @@ COLOURS = {
 }
 OF_OUTCOMES = {"holds": "reproduced", "fails": "not reproduced", "undecided": "undecided"}
 HOW = """A claim is tested as conditions: a number, and the region in which it must lie if the
-claim is true, fixed before the full run. A condition holds if the whole 95 % interval lies in the
-region, fails if it lies outside, and is undecided otherwise. A claim is **reproduced** if all
-conditions hold, **not reproduced** if some fail and none holds, **mixed** if some hold and some
-fail (the groups say where), **undecided** if none fails but some are undecided, and **cannot be
-tested** if its numbers hang on what we do not have. The decisive number is the worst condition."""
+claim is true, fixed before the full run. The region is our reading of the paper's words; where
+they name no number, the threshold is ours, and the reading says so. A condition holds if the whole
+95 % interval lies in the region, fails if it lies outside, and is undecided otherwise. A claim is
+**reproduced** if all conditions hold, **not reproduced** if some fail and none holds, **mixed** if
+some hold and some fail (the groups say where), **undecided** if none fails but some are undecided,
+and **cannot be tested** if no condition counts. What decides is the worst condition.
+
+Some numbers are shown but **not counted**, such as those printed in the paper, parts of another
+number, or lengths on a map that the paper does not name: a verdict speaks of the counted ones
+only. The conditions fold open below each table and say which they are."""
 
 # ---------------------------------------------------------------- words
 
@@ -93,7 +98,8 @@ def summary(root: Path, folders: dict[str, Path], everything: dict[str, dict]) -
     for stem, claims in everything.items():
         lines += ["", f"## {stem.partition('_')[0]} {title(root, stem)}", ""]
         lines += [f"- **{name}.** {text}" for name, text in findings_in(folders[stem]).items()]
-        lines += ["", "| | claim | verdict | decisive | shown in |", "|---|---|---|---|---|"]
+        head = ("", "the paper's words", "what we test", "verdict", "what decides", "shown in")
+        lines += ["", _row(head), "|---" * len(head) + "|"]
         lines += [_claim(stem, number, claim) for number, claim in claims.items()]
         for number, claim in claims.items():
             lines += ["", *_conditions(number, claim)]
@@ -108,14 +114,18 @@ def _row(cells):
 
 def _claim(stem, number, claim):
     worst = claim["decisive"]
-    number_ = f"{worst['what']}: {worst['shown']}, claimed {worst['claimed']}" if worst else ""
+    number_ = f"{worst['what']}: {worst['shown']}, must be {worst['claimed']}" if worst else ""
     kinds = {"figure": "png", "table": "csv"}
-    links = " ".join(
+    links = [
         f"[{re.sub('_0*', ' ', name)}]({stem}/{name}.{kinds[name.partition('_')[0]]})"
         for name in claim["shown"]
-    )
+    ]
+    # Whole links only: half a link is none.
+    while len(" ".join(links)) > CELL:
+        links.pop()
     verdict = f"**{claim['verdict']}**" + (f": {counted(outcomes_of(claim))}" if worst else "")
-    return _row([number, f"“{claim['quote']}”", verdict, number_, links])
+    words = f"“{claim['quote']}”"
+    return _row([number, words, claim["reading"], verdict, number_, " ".join(links)])
 
 
 def _conditions(number, claim):
@@ -125,11 +135,16 @@ def _conditions(number, claim):
         if not c["aside"]:
             outcome = c["outcome"] if c["confirmed"] else "undecided"
             groups.setdefault(c["group"], []).append(outcome)
-    lines = [f"<details><summary>{number}: {len(claim['conditions'])} conditions</summary>", ""]
-    lines += [f"{claim['section']}, {how}. We read: {claim['reading']}. {claim['basis']}.", ""]
+    found = outcomes_of(claim)
+    beside = len(claim["conditions"]) - len(found)
+    count = f"{len(found)} condition{'s' * (len(found) != 1)}"
+    count += f", {beside} not counted" if beside else ""
+    lines = [f"<details><summary>{number}: {count}</summary>", ""]
+    said = (f"{claim['section']}, {how}", f"We test: {claim['reading']}", claim["basis"])
+    lines += [" ".join(f"{text[:1].upper()}{text[1:].rstrip('. ')}." for text in said), ""]
     if len(groups) > 1:
-        lines += [f"- {name}: {counted(found)}" for name, found in groups.items()] + [""]
-    lines += ["| group | condition | value | claimed | outcome |", "|---|---|---|---|---|"]
+        lines += [f"- {name}: {counted(group)}" for name, group in groups.items()] + [""]
+    lines += ["| group | condition | value | must be | outcome |", "|---|---|---|---|---|"]
     for c in claim["conditions"]:
         outcome = c["outcome"] if c["confirmed"] else f"undecided ({c['outcome']} with one seed)"
         outcome = f"not counted: {c['aside']}" if c["aside"] else outcome
@@ -141,7 +156,7 @@ def _deviations(path):
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     if not rows:
-        return ["The paper prints no number that ours could be held against."]
+        return ["Our copy of the paper has no number that ours could be held against."]
     agree = sum(row["agrees"] == "true" for row in rows)
     why = Counter(row["why"] or "not known" for row in rows if row["agrees"] != "true")
     reasons = "; ".join(f"{count} differ: {reason}" for reason, count in why.items())
