@@ -21,6 +21,7 @@ $(call belongs,PAPER,figures notebooks confirm)
 $(call belongs,QUICK,figures)
 $(call belongs,PARAMS,figures)
 $(call belongs,SEED,confirm)
+$(if $(filter confirm,$(MAKECMDGOALS)),$(if $(strip $(SEED)),,$(error make confirm SEED=...: a whole number that was never run before)))
 
 YES := 1 y yes Yes YES true True TRUE on
 NO := 0 n no No NO false False FALSE off
@@ -93,7 +94,6 @@ notebooks: $(STAMPS) ## refresh the stored outputs of the notebooks from their f
 	@$(SEANAV) store $(CHOSEN:%=--paper %)
 
 confirm: .venv ## SEED=...: judge all claims again with a seed that was never run before
-	$(if $(SEED),,$(error make confirm SEED=...: a whole number that was never run before))
 	@$(SEANAV) confirm $(CHOSEN:%=--paper %) --seed "$$SEANAV_SEED"
 
 test: .venv ## all tests, then every notebook against its stored outputs and results

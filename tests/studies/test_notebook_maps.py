@@ -18,6 +18,7 @@ from rasterio.transform import Affine
 from seanav import runner
 from seanav.checks import ParameterError
 from seanav.runner import Refused
+from seanav.studies.gravity_planning.claims import CLAIMS
 from seanav.studies.gravity_planning.scenario import Scenario
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -111,7 +112,7 @@ def code_cells():
 
 def check(results):
     claims = json.loads((results / "claims.json").read_text(encoding="utf-8"))
-    assert list(claims) == [f"5.{number}" for number in range(1, 12)]
+    assert list(claims) == [claim.number for claim in CLAIMS]
     assert len(list(results.glob("figure_0*.png"))) == 8
 
 
