@@ -237,12 +237,17 @@ def outcomes_of(claim: dict) -> list[str]:
 
 def changed(root: Path, stem: str) -> set[tuple[str, str]]:
     """Return (claim, condition) of a paper whose outcome another seed changed, from its file."""
+    rows = [row for row in confirmation(root) if row["paper"] == stem]
+    return {(row["claim"], row["condition"]) for row in rows if row["outcome"] != row["again"]}
+
+
+def confirmation(root: Path) -> list[dict[str, str]]:
+    """Return the rows of a checkout's confirmation, one per condition; none without the file."""
     path = root / CONFIRMATION
     if not path.is_file():
-        return set()
+        return []
     with path.open(encoding="utf-8", newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["paper"] == stem]
-    return {(row["claim"], row["condition"]) for row in rows if row["outcome"] != row["again"]}
+        return list(csv.DictReader(file))
 
 
 def counted(outcomes: Sequence[str]) -> str:

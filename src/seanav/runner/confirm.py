@@ -5,7 +5,7 @@ import io
 from pathlib import Path
 
 from seanav._files import write
-from seanav.claims import CONFIRMATION
+from seanav.claims import CONFIRMATION, confirmation
 from seanav.runner.checkout import Refused, claims_in, notebook, papers, results
 from seanav.runner.run import defaults, run
 
@@ -42,7 +42,7 @@ def confirm(root: Path, seed: int, stems: list[str]) -> list[dict[str, str]]:
             raise Refused(f"{stem}: no committed results: make figures")
         if defaults(notebook(root, stem)).get("seed") == seed:
             raise Refused(f"seed = {seed}: the committed results of {stem} have it, take another")
-    kept = [row for row in _rows(path) if row["paper"] not in stems]
+    kept = [row for row in confirmation(root) if row["paper"] not in stems]
     for stem in stems:
         again = run(root, stem, words=(f"seed={seed}",))
         kept += compare(stem, seed, claims_in(committed[stem]), claims_in(again))
@@ -70,10 +70,3 @@ def compare(stem: str, seed: int, claims: dict, again: dict) -> list[dict[str, s
                 values = (stem, number, c["what"], str(seed), c["outcome"], found)
                 rows.append(dict(zip(COLUMNS, values, strict=True)))
     return rows
-
-
-def _rows(path):
-    if not path.is_file():
-        return []
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from seanav._pictures import palette_png
-from seanav.claims import CONFIRMATION, OUTCOMES, VERDICTS, counted, outcomes_of, told
+from seanav.claims import OUTCOMES, VERDICTS, confirmation, counted, outcomes_of, told
 from seanav.runner.checkout import findings_in, notebook
 
 PICTURE = "claims.png"  # in paper_figures/, beside REPORT.md
@@ -175,11 +175,9 @@ def _deviations(path):
 
 
 def _confirmed(root, everything):
-    path = root / CONFIRMATION
-    if not path.is_file():
+    rows = confirmation(root)
+    if not rows:
         return ["These verdicts rest on one seed: `make confirm SEED=…` judges them with another."]
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
     seeds = sorted({row["seed"] for row in rows})
     other = [row for row in rows if row["outcome"] != row["again"]]
     known = {(row["paper"], row["claim"], row["condition"]) for row in rows}
