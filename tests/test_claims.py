@@ -1,12 +1,15 @@
 """Claims: what a condition says, the verdict, what decides, agreement with a printed number."""
 
+import importlib
 import itertools
 import math
+import pkgutil
 
 import attrs
 import numpy as np
 import pytest
 
+from seanav import studies
 from seanav.claims import (
     CONFIRMATION,
     VERDICTS,
@@ -22,6 +25,8 @@ from seanav.claims import (
     verdict,
 )
 from seanav.estimates import Estimate, exact, from_influence, root_mean_square
+
+STUDIES = [module.name for module in pkgutil.iter_modules(studies.__path__)]
 
 
 def between(low, high):
@@ -215,3 +220,9 @@ def test_agreement_of_exact_and_of_diverged_numbers():
     assert agreement("c", 3.0, exact(3.1)).outcome == "fails"
     lost = root_mean_square(np.array([1.0, math.inf]))
     assert agreement("c", 3.0, lost).outcome == "fails"
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_one_claim_of_each_paper_is_its_main_one(study):
+    claims = importlib.import_module(f"seanav.studies.{study}.claims").CLAIMS
+    assert [claim.stated for claim in claims if claim.main] == [True]

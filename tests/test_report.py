@@ -106,7 +106,8 @@ CLAIMS = (
     Claim("9.2", "it is smaller", "section 2", "above 0", shown=("figure_01", "table_2")),
     Claim("9.10", "it is known", "abstract", "nothing to test", stated=False),
 )
-FINDINGS = {name: f"{name}: 3." for name in ("holds", "fails", "undecided", "depends", "beyond")}
+NAMES = ("words", "holds", "fails", "undecided", "depends", "beyond")
+FINDINGS = {name: f"{name}: 3." for name in NAMES}
 
 
 def fill(report):
@@ -177,6 +178,7 @@ def test_claims_have_the_promised_form(report, results):
         "section": "section 1",
         "reading": "at least 2",
         "stated": True,
+        "main": False,
         "verdict": "reproduced",
         "holds": 1,
         "fails": 0,
@@ -193,6 +195,7 @@ def test_claims_have_the_promised_form(report, results):
     assert claims["9.10"]["decisive"] is None
     assert claims["9.10"]["verdict"] == "cannot be tested"
     assert json.loads((results / "findings.json").read_text(encoding="utf-8")) == {
+        "Words": "words: 3.",
         "What holds": "holds: 3.",
         "What fails": "fails: 3.",
         "What is open": "undecided: 3.",

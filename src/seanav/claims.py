@@ -37,6 +37,8 @@ class Claim:
         What we take them to say, in words that can be tested.
     stated : bool
         Whether the paper states it; otherwise it only implies it.
+    main : bool
+        Whether it is what the paper is written for; one of its claims is.
     shown : tuple of str
         Results that show it, by their file names without suffix: ``("figure_03", "table_2")``.
 
@@ -51,6 +53,7 @@ class Claim:
     section: str
     reading: str = attrs.field(validator=_short)
     stated: bool = True
+    main: bool = False
     shown: tuple[str, ...] = ()
 
 
@@ -288,6 +291,7 @@ def judged(claim: Claim, conditions: Sequence[Condition], basis: str) -> dict:
         "section": claim.section,
         "reading": claim.reading,
         "stated": claim.stated,
+        "main": claim.main,
         "verdict": verdict(outcomes),
         **{outcome: outcomes.count(outcome) for outcome in OUTCOMES},
         "decisive": None if worst is None else _stored(worst),

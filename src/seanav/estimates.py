@@ -54,6 +54,10 @@ class Estimate:
             raise ValueError(f"not an estimate with its interval: {self}")
 
 
+# The number of a filter that diverged, where it has no runs to count.
+DIVERGED = Estimate(*(math.inf,) * 4, 0)
+
+
 def exact(value: float) -> Estimate:
     """Return a number that is computed without sampling."""
     return Estimate(float(value), float(value), float(value), 0.0, 0)
@@ -223,6 +227,12 @@ def exponential(log: Estimate) -> Estimate:
         return log
     value, low, high = (math.exp(x) for x in (log.value, log.low, log.high))
     return Estimate(value, low, high, value * log.se, log.count)
+
+
+def over(one: Estimate, number: float) -> Estimate:
+    """Return an estimate divided by an exact number above 0."""
+    ends = one.low / number, one.high / number
+    return Estimate(one.value / number, *ends, one.se / number, one.count)
 
 
 def from_influence(value: float, influence: np.ndarray) -> Estimate:

@@ -39,6 +39,8 @@ from seanav.claims import (
 from seanav.estimates import Estimate, significant
 from seanav.scenario import ORIGINS, Parameters
 
+# Where a user's choice of filters and settings leaves nothing of what a claim speaks of.
+NOTHING = Condition("what it speaks of", "nothing of what it speaks of was run")
 SHOWN_DPI = 100  # of the picture in the notebook; the saved one has twice as many
 
 # ---------------------------------------------------------------- numbers as text
@@ -239,7 +241,7 @@ class Report:
             Number of a declared claim, such as ``"5.3"``.
         conditions : iterable of Condition
             Where it is tested; each is a fact of its own. None if nothing of what the claim
-            speaks of was run.
+            speaks of was run; then that is said.
         basis : str
             How the numbers are computed.
 
@@ -253,7 +255,7 @@ class Report:
         found = [
             attrs.evolve(c, confirmed=False) if (number, c.what) in self._changed else c
             for c in conditions
-        ]
+        ] or [NOTHING]
         names = [condition.what for condition in found]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"claim {number}: there are two conditions {twice[0]!r}")
@@ -265,12 +267,14 @@ class Report:
             print(*(f"    {name}: {counted(group)}" for name, group in groups.items()), sep="\n")
 
     def findings(
-        self, *, holds: str, fails: str, undecided: str, depends: str, beyond: str
+        self, *, words: str, holds: str, fails: str, undecided: str, depends: str, beyond: str
     ) -> None:
-        """Say in one sentence each what the results mean; numbers in them come from the results.
+        """Say shortly what the results mean; numbers in the sentences come from the results.
 
         Parameters
         ----------
+        words : str
+            The terms that the claims and conditions use, each explained.
         holds, fails, undecided : str
             What of the paper's claims holds, what fails, what stays open.
         depends : str
@@ -279,6 +283,7 @@ class Report:
             What we found beyond the paper.
         """
         self._findings = {
+            "Words": words,
             "What holds": holds,
             "What fails": fails,
             "What is open": undecided,

@@ -127,7 +127,9 @@ def test_full_run_publishes_everything(finished):
     report = (figures / "REPORT.md").read_text(encoding="utf-8")
     assert "Of 1 claims: 1 reproduced, 0 mixed" in report
     assert "Printed numbers that ours agree with: 1 of 1." in report
-    row = r"| 9.1 | “the mean \| is positive” | the mean is at least 0 | **reproduced**: 1 of 1 hold"
+    row = (
+        r"| 9.1 | “the mean \| is positive” | the mean is at least 0 | **reproduced**: 1 of 1 hold"
+    )
     assert row in report
     assert not (finished / "build" / "failed").exists()
 

@@ -37,7 +37,8 @@ def everything(root):
     claims = {}
     for k, (word, names) in enumerate(CASES.items(), 1):
         shown = ("figure_01", "table_B2") if k == 1 else ()
-        claim = Claim(f"9.{k}", f"a claim | of {word}", "section 1", "it is so", shown=shown)
+        quote, main = f"a claim | of {word}", word == "mixed"
+        claim = Claim(f"9.{k}", quote, "section 1", "it is so", main=main, shown=shown)
         claims[f"9.{k}"] = judged(claim, [CONDITIONS[name] for name in names], "runs")
         assert claims[f"9.{k}"]["verdict"] == word
     return {"9_tiny": claims}
@@ -75,12 +76,16 @@ def test_rows_of_a_table_have_as_many_cells_as_its_head(report):
 
 def test_the_report_says_verdict_counts_decisive_number_and_links(report):
     assert "Of 5 claims: 1 reproduced, 1 mixed, 1 undecided, 1 not reproduced, 1 cannot" in report
-    (row,) = [x for x in report.splitlines() if x.startswith("| 9.2 | “")]
+    _, row = [x for x in report.splitlines() if x.startswith("| 9.2 | “")]
     assert r"“a claim \| of mixed”" in row
     assert "**mixed**: 1 of 2 hold, 1 fail, 0 undecided" in row
     assert r"far \| away: -1.50 [-2.00, -1.00] km, must be at least 0" in row
     assert "[figure 1](9_tiny/figure_01.png) [table B2](9_tiny/table_B2.csv)" in report
     assert "- **What holds.** Much." in report
+    lines = report.splitlines()
+    top = lines[lines.index("| paper | its main claim | verdict | what decides |") + 2 :][:2]
+    assert top[0].startswith(r"| 9.2 | “a claim \| of mixed” | **mixed**: 1 of 2 hold, 1 fail")
+    assert top[1] == ""
     assert "- north: 1 of 1 hold, 0 fail, 0 undecided" in report
     assert "agree with: 1 of 2. 1 differ: another map" in report
     assert "rest on one seed" in report

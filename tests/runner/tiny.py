@@ -45,7 +45,7 @@ report.table(1, ["noise", "mean"], [[noise_mgal, rmse.value]], "Means")
 report.parameters([("runs", runs, "", "text")])
 report.deviation("1", "noise 2", "mean", 2.0, rmse)
 report.claim("9.1", [Condition("tiny", rmse, low=0.0)], "Monte Carlo")
-words = dict.fromkeys(("fails", "undecided", "depends", "beyond"), "Nothing.")
+words = dict.fromkeys(("words", "fails", "undecided", "depends", "beyond"), "Nothing.")
 report.findings(holds=f"The mean is {rmse.value:.3f}.", **words)
 report.finish()
 """

@@ -39,6 +39,7 @@ CLAIMS = (
     ),
     Claim(
         number="3.5",
+        main=True,
         quote="AFKF with MFF is insensitive to actuator faults … the results of the adaptive "
         "filter with multiple factor are also better from that of the OKF",
         section="section IV.C",
@@ -109,8 +110,8 @@ CLAIMS = (
     ),
     Claim(
         number="3.13",
-        quote="when a change occurs in the process noise covariance, the filter fails … the "
-        "estimations of the filter are corrected",
+        quote="when a change occurs in the process noise covariance, the filter fails and the "
+        "estimation outputs become faulty … the estimations of the filter are corrected",
         section="section III.B",
         reading="If the true Q grows hundredfold, the optimal filter is a tenth worse than one "
         "that knows it, and the fading ones beat it; both numbers are ours",

@@ -43,12 +43,6 @@ def mean_nees(nees: np.ndarray, samples: np.ndarray) -> estimates.Estimate:
     return estimates.mean(nees[:, samples].mean(axis=1))
 
 
-def over(one: estimates.Estimate, number: float) -> estimates.Estimate:
-    """Return an estimate divided by an exact number above 0."""
-    ends = one.low / number, one.high / number
-    return estimates.Estimate(one.value / number, *ends, one.se / number, one.count)
-
-
 def growth(errors: np.ndarray, case: Problem, scenario: Scenario, state: int) -> estimates.Estimate:
     """Return the RMSE of the last 20 % of the run over that of the 20 % before it.
 

@@ -23,6 +23,7 @@ CLAIMS = (
     ),
     Claim(
         number="5.3",
+        main=True,
         quote="the planned path remains the better choice as it exhibits the highest positioning "
         "accuracy",
         section="sections 4.1 and 4.2",

@@ -72,6 +72,13 @@ def other_imms(scenario: Scenario) -> list[run.Filter]:
     return [with_chain(one, other_p(scenario)) for one in imms(scenario)]
 
 
+def filters(scenario: Scenario) -> dict[str, run.Filter]:
+    """Return all filters that claims speak of, by name, but the optimal ones."""
+    pairs = [f for f in run.paper_filters(scenario) if len(f.sigma) > 1]
+    chained = [with_chain(f, p) for f in pairs for p in (*STAY, other_p(scenario))]
+    return {f.name: f for f in (run.PURE, *run.paper_filters(scenario), *chained)}
+
+
 def causes(scenario: Scenario, swept: dict[str, list[Flight]]) -> dict[str, list[Flight]]:
     """Fly IMMs of plain EKFs with the other diagonal on `cause_grid`, beside the sweep."""
     plain = [with_chain(run.EKF(*pair), other_p(scenario)) for pair in run.pairs(scenario)]

@@ -70,6 +70,7 @@ _FADING = (
     ),
     Claim(
         number="4.8",
+        main=True,
         quote="more robust than the single models, maintaining high TCEP improvement of 90% rate "
         "in all σ_T domain",
         section=_PROPOSED,
@@ -161,7 +162,7 @@ _FIRST_SECTIONS = (
     Claim(
         number="4.19",
         quote="Equation (11) generates a correlation between the INS error and the sea current "
-        "which are independent at time propagation process",
+        "which are independent at time propagation process as shown in Equation (10)",
         section="section 2.3.2",
         reading="errors of velocity and current ahead are uncorrelated at the start, and have a "
         "positive correlation after one update (above 0.01, ours)",
@@ -175,8 +176,8 @@ _FIRST_SECTIONS = (
     ),
     Claim(
         number="4.21",
-        quote="since the conversion between sea current models does not occur frequently, T = […] "
-        "is set",
+        quote="since the conversion between sea current models does not occur frequently, T = [a "
+        "matrix that is damaged in our copy] is set",
         section="section 4.1",
         reading="at one step a second the matrix keeps a model for as long as T_c at least "
         "(T_c is our measure)",

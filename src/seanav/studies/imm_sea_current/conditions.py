@@ -7,9 +7,10 @@ from zero or from its stationary law (two `Sea`), and the diagonal p of the tran
 (`chains`: what it is called, and what the name of an IMM with it ends in).
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
+from operator import methodcaller
 from typing import Any
 
 import attrs
@@ -18,7 +19,7 @@ import numpy as np
 from seanav import estimates
 from seanav.claims import Condition
 from seanav.estimates import Estimate
-from seanav.studies.imm_sea_current import linear, printed, run, scores
+from seanav.studies.imm_sea_current import beyond, linear, printed, run, scores
 from seanav.studies.imm_sea_current.flown import Flown, condition
 from seanav.studies.imm_sea_current.scenario import Scenario
 
@@ -48,10 +49,39 @@ class Sea:
             return UNKNOWN
         return estimates.exact(number(self.scenario, *arguments))
 
+    def fly_longer(self) -> None:
+        """Fly with more runs what the conditions that are still open ask for."""
+        more = self.scenario.longer()
+        filters = beyond.filters(more)
 
-def _log_ratio(scenario, one, other, sigma, at=None):
+        def fly(points):
+            jobs = [(filters.get(name) or run.optimal(sigma), sigma) for name, sigma in points]
+            return run.fly_all(more, jobs, label="more runs")
+
+        if more.runs > self.scenario.runs:
+            self.flown.longer.fly(fly)
+
+
+def longer(test: Callable, *seas: Any) -> list[Condition]:
+    """Return the conditions ``test(*seas)``; those that are open are tested with more runs.
+
+    Parameters
+    ----------
+    test : callable
+        One of the functions below.
+    seas : Sea or sequence of Sea
+        Its arguments; what else it takes is bound with `functools.partial`.
+    """
+    test(*seas)
+    for sea in seas:
+        for one in (sea,) if isinstance(sea, Sea) else sea:
+            one.fly_longer()
+    return test(*seas)
+
+
+def _ratio(scenario, one, other, sigma, at=None):
     first, second = (one, sigma), (other, sigma if at is None else at)
-    return math.log(linear.tcep(scenario, *first) / linear.tcep(scenario, *second))
+    return linear.tcep(scenario, *first) / linear.tcep(scenario, *second)
 
 
 def deteriorates(seas: Sequence[Sea]) -> list[Condition]:
@@ -59,9 +89,9 @@ def deteriorates(seas: Sequence[Sea]) -> list[Condition]:
     found = []
     for sea in seas:
         for low, high in pairwise(sea.scenario.sigma_true):
-            what = f"ln TCEP at {high:g} over that at {low:g} m/s, exact, {sea.start}"
+            what = f"TCEP at {high:g} over that at {low:g} m/s, exact, {sea.start}"
             found.append(
-                condition(what, sea.exact(_log_ratio, high, low, high, low), 0.0, group=sea.start)
+                condition(what, sea.exact(_ratio, high, low, high, low), 1.0, group=sea.start)
             )
     return found
 
@@ -73,9 +103,9 @@ def suboptimal(seas: Sequence[Sea]) -> list[Condition]:
         for s in sea.scenario.sigma_filter:
             for sigma in sea.scenario.sigma_true:
                 if sigma != s:
-                    what = f"ln TCEP(EKF {s:g} / optimal) at {sigma:g} m/s, exact, {sea.start}"
-                    number = sea.exact(_log_ratio, s, sigma, sigma)
-                    found.append(condition(what, number, 0.0, group=sea.start))
+                    what = f"TCEP of EKF {s:g} over the optimal, {sigma:g} m/s, exact, {sea.start}"
+                    number = sea.exact(_ratio, s, sigma, sigma)
+                    found.append(condition(what, number, 1.0, group=sea.start))
     return found
 
 
@@ -123,9 +153,9 @@ def fading(seas: Sequence[Sea], sigma: float, low: float, high: float) -> list[C
     found = []
     for sea in seas:
         for s in (0.1, 0.5):
-            what = f"ln TCEP(AFEKF {s:g} / EKF {s:g}) at {sigma:g} m/s, {sea.start}"
-            number = sea.flown.versus(f"AFEKF {s:g}", f"EKF {s:g}", sigma)
-            found.append(condition(what, number, low, high, group=sea.start))
+            what = f"TCEP of AFEKF {s:g} over EKF {s:g} at {sigma:g} m/s, {sea.start}"
+            number = methodcaller("versus", f"AFEKF {s:g}", f"EKF {s:g}", sigma)
+            found.append(sea.flown.tested(what, number, low, high, group=sea.start))
     return found
 
 
@@ -135,9 +165,9 @@ def fading_below(sea: Sea) -> list[Condition]:
     for s in sea.scenario.sigma_filter:
         for sigma in (x for x in sea.flown.grid if x > s):
             faded, plain = (f"{kind} {run.label((s,))}" for kind in ("AFEKF", "EKF"))
-            what = f"ln TCEP(AFEKF {s:g} / EKF {s:g}) at {sigma:g} m/s"
-            number = sea.flown.versus(faded, plain, sigma)
-            found.append(condition(what, number, high=0.0, group=f"σ_f = {s:g} m/s"))
+            what = f"TCEP of AFEKF {s:g} over EKF {s:g} at {sigma:g} m/s"
+            number = methodcaller("versus", faded, plain, sigma)
+            found.append(sea.flown.tested(what, number, high=1.0, group=f"σ_f = {s:g} m/s"))
     return found
 
 
@@ -150,14 +180,14 @@ def imm_rates(
         for p, end in chains.items():
             for name in names:
                 for sigma in sea.flown.grid:
-                    number = sea.flown.sharp_rate(name + end, sigma)
+                    number = methodcaller("sharp_rate", name + end, sigma)
                     what = f"rate of {name}, {p}, at {sigma:g} m/s, {sea.start}"
                     more = PERCENT | {"group": f"{name}, {p}, {sea.start}"}
-                    found.append(condition(what, number, low, high, **more))
+                    found.append(sea.flown.tested(what, number, low, high, **more))
     return found
 
 
-def narrow_pair(sea: Sea, causes: Flown, chains: Mapping[str, str]) -> list[Condition]:
+def narrow_pair(sea: Sea, causes: Sea, chains: Mapping[str, str]) -> list[Condition]:
     """4.9: (0.1, 0.5) beats (0.1, 1.0) between them, and plain EKFs show less of it.
 
     `causes` holds all four IMMs, of fading and of plain EKFs, with both diagonals.
@@ -166,14 +196,18 @@ def narrow_pair(sea: Sea, causes: Flown, chains: Mapping[str, str]) -> list[Cond
     for p, end in chains.items():
         pairs = [f"IMM-{kind} {s}{end}" for kind in ("AFEKF", "EKF") for s in ("0.1,0.5", "0.1,1")]
         for sigma in (x for x in flown.grid if 0.1 < x < 1.0):
-            number = flown.between(scores.rate_difference, *((n, sigma) for n in pairs[:2]))
+            number = _points(scores.rate_difference, pairs[:2], sigma)
             what = f"lead of (0.1, 0.5) over (0.1, 1) at {sigma:g} m/s, {p}"
-            found.append(condition(what, number, 0.0, **POINTS, group=f"lead, {p}"))
+            found.append(flown.tested(what, number, 0.0, **POINTS, group=f"lead, {p}"))
         for sigma in (0.6, 0.9):
-            number = causes.between(scores.advantage_difference, *((n, sigma) for n in pairs))
+            number = _points(scores.advantage_difference, pairs, sigma)
             what = f"of that lead due to fading at {sigma:g} m/s, {p}"
-            found.append(condition(what, number, 0.0, **POINTS, group=f"cause, {p}"))
+            found.append(causes.flown.tested(what, number, 0.0, **POINTS, group=f"cause, {p}"))
     return found
+
+
+def _points(score, names, sigma):
+    return methodcaller("between", score, *((name, sigma) for name in names))
 
 
 # ---------------------------------------------------------------- the IMM
@@ -185,18 +219,17 @@ def modes(sea: Sea, names: Sequence[str], chains: Mapping[str, str]) -> list[Con
     for p, end in chains.items():
         for name in names:
             for low, high in pairwise(flown.grid):
-                fall = flown.score(scores.mode_difference, (name + end, high), (name + end, low))
+                pair = (name + end, high), (name + end, low)
+                fall = methodcaller("score", scores.mode_difference, *pair)
                 what = f"change of μ₁ of {name}, {p}, from {low:g} to {high:g} m/s"
-                found.append(condition(what, fall, high=0.0, group="μ₁ falls"))
+                found.append(flown.tested(what, fall, high=0.0, group="μ₁ falls"))
         for sigma, sign in {flown.grid[0]: 1, flown.grid[-1]: -1}.items():
-
-            def contrast(*pair, sign=sign):
-                return scores.mode_contrast_difference(*pair, sign)
-
+            contrast = partial(scores.mode_contrast_difference, sign=sign)
             pair = [(f"IMM-AFEKF {s}{end}", sigma) for s in ("0.1,1", "0.1,0.5")]
             what = f"lead of the better model, (0.1, 1) beyond (0.1, 0.5), at {sigma:g} m/s, {p}"
             group = f"wider gap at {sigma:g} m/s"
-            found.append(condition(what, flown.score(contrast, *pair), 0.0, group=group))
+            number = methodcaller("score", contrast, *pair)
+            found.append(flown.tested(what, number, 0.0, group=group))
     return found
 
 
@@ -205,9 +238,10 @@ def prominent(seas: Sequence[Sea]) -> list[Condition]:
     found = []
     for sea in seas:
         for s, sigma in ((0.1, LARGE), (0.5, SMALL), (1.0, SMALL)):
-            number = sea.flown.sharp_rate(f"AFEKF {s:g}", sigma)
+            number = methodcaller("sharp_rate", f"AFEKF {s:g}", sigma)
             what = f"rate of AFEKF {s:g} at {sigma:g} m/s, {sea.start}"
-            found.append(condition(what, number, high=RATE, **PERCENT, group=f"AFEKF {s:g}"))
+            more = PERCENT | {"group": f"AFEKF {s:g}"}
+            found.append(sea.flown.tested(what, number, high=RATE, **more))
     return found
 
 
@@ -220,20 +254,20 @@ def robust(sea: Sea, names: Sequence[str], chains: Mapping[str, str]) -> list[Co
     for p, end in chains.items():
         for name in names:
             for single in singles:
-                number = least_difference(sea.flown, name + end, single)
                 what = f"least rate of {name}, {p}, beyond that of {single}"
-                found.append(condition(what, number, 0.0, **POINTS, group=f"{name}, {p}"))
+                found.append(_least(sea.flown, what, name + end, single, f"{name}, {p}"))
     return found
 
 
-def least_difference(flown: Flown, name: str, other: str) -> Estimate | str:
-    """Return the least rate of one filter less that of another, each where it is least."""
+def _least(flown, what, name, other, group):
+    # The least rate of one filter beyond that of another, each where it is least.
     places = {one: flown.least(one) for one in (name, other)}
     for one, sigma in places.items():
         if sigma is None:
             why = "diverged" if one in flown.results else "was not run"
-            return f"{one} {why}"
-    return flown.between(scores.rate_difference, *places.items())
+            return condition(what, f"{one} {why}", 0.0, **POINTS, group=group)
+    number = methodcaller("between", scores.rate_difference, *places.items())
+    return flown.tested(what, number, 0.0, **POINTS, group=group)
 
 
 def better_chain(sea: Sea, names: Sequence[str], others: Sequence[float]) -> list[Condition]:
@@ -241,9 +275,9 @@ def better_chain(sea: Sea, names: Sequence[str], others: Sequence[float]) -> lis
     found = []
     for name in names:
         for p in others:
-            number = least_difference(sea.flown, f"{name} p={p:g}", name)
             what = f"least rate of {name} with p = {p:g} beyond that with the paper's T"
-            found.append(condition(what, number, 0.0, **POINTS, group=f"{name}, p = {p:g}"))
+            group = f"{name}, p = {p:g}"
+            found.append(_least(sea.flown, what, f"{name} p={p:g}", name, group))
     return found
 
 
@@ -258,37 +292,37 @@ def compensates(sea: Sea, chains: Mapping[str, str]) -> list[Condition]:
                 tceps = [(flown.score(scores.tcep, (one, sigma)), one) for one in alone]
                 known = [(t.value, one) for t, one in tceps if not isinstance(t, str)]
                 worse = max(known)[1] if len(known) == len(tceps) else alone[0]
-                number = flown.versus(name + end, worse, sigma)
-                what = f"ln TCEP({name}, {p} / worse half) at {sigma:g} m/s"
-                found.append(condition(what, number, high=0.0, group=f"{name}, {p}"))
+                number = methodcaller("versus", name + end, worse, sigma)
+                what = f"TCEP of {name}, {p}, over its worse half at {sigma:g} m/s"
+                found.append(flown.tested(what, number, high=1.0, group=f"{name}, {p}"))
     return found
 
 
-def fading_in_imm(sea: Sea, causes: Flown, chains: Mapping[str, str]) -> list[Condition]:
+def fading_in_imm(sea: Sea, causes: Sea, chains: Mapping[str, str]) -> list[Condition]:
     """4.29: beyond both σ_f of (0.1, 0.5) fading raises the rate of the IMM."""
     found = []
     for p, end in chains.items():
-        flown = causes if end else sea.flown
+        flown = (causes if end else sea).flown
         for sigma in (x for x in flown.grid if x > 0.5):
-            pair = [(f"IMM-{kind} 0.1,0.5{end}", sigma) for kind in ("AFEKF", "EKF")]
-            number = flown.between(scores.rate_difference, *pair)
+            pair = [f"IMM-{kind} 0.1,0.5{end}" for kind in ("AFEKF", "EKF")]
+            number = _points(scores.rate_difference, pair, sigma)
             what = f"points gained by fading in (0.1, 0.5) at {sigma:g} m/s, {p}"
-            found.append(condition(what, number, 0.0, **POINTS, group=p))
+            found.append(flown.tested(what, number, 0.0, **POINTS, group=p))
     return found
 
 
 def wrong_time(seas: Sequence[Sea], factors: Sequence[float], at: float) -> list[Condition]:
-    """4.15: what a wrong σ_f loses beyond a T_c wrong by the same factor."""
+    """4.15: the TCEP with a wrong σ_f over that with a T_c wrong by the same factor."""
 
     def excess(scenario, factor):
         by_sigma, by_time = losses(scenario, factor, at)
-        return by_sigma - by_time
+        return by_sigma / by_time
 
     return [
         condition(
-            f"excess of ln TCEP by σ_f at factor {factor:g}, {sea.start}",
+            f"TCEP, σ_f wrong over T_c wrong, factor {factor:g}, {sea.start}",
             sea.exact(excess, factor),
-            0.0,
+            1.0,
             group=sea.start,
         )
         for sea in seas
@@ -298,16 +332,16 @@ def wrong_time(seas: Sequence[Sea], factors: Sequence[float], at: float) -> list
 
 
 def losses(scenario: Scenario, factor: float, at: float) -> tuple[float, float]:
-    """Return ln(TCEP / optimal) of EKFs whose σ_f, or whose T_c, is wrong by a factor.
+    """Return TCEP / optimal of EKFs whose σ_f, or whose T_c, is wrong by a factor.
 
     `at` is the true sigma, m/s; at factor 1 both are the optimal filter.
     """
     if factor == 1.0:
-        return 0.0, 0.0
+        return 1.0, 1.0
     right = scenario.correlation_time_s
     by_time = linear.wrong_time(scenario, at, right * factor, at, right)
     best = linear.tcep(scenario, at, at)
-    return _log_ratio(scenario, at * factor, at, at), math.log(by_time / best)
+    return _ratio(scenario, at * factor, at, at), by_time / best
 
 
 def appendix_growth(before: Mapping[float, np.ndarray], updates: Sequence[int]) -> list[Condition]:

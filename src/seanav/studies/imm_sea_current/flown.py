@@ -13,12 +13,10 @@ from typing import Any
 import numpy as np
 
 from seanav.claims import Condition
-from seanav.estimates import Estimate, significant
-from seanav.report import Report
+from seanav.estimates import DIVERGED, Estimate, significant
 from seanav.studies.imm_sea_current import scores
 
 PURE, BEST = "pure navigation", "optimal EKF"
-LOST = Estimate(*(math.inf,) * 4, 0)  # the number of a filter that diverged
 
 
 class Flown:
@@ -32,21 +30,48 @@ class Flown:
     exact : mapping of true sigma to (float, float)
         TCEPs (m) of pure navigation and the optimal EKF where they are known exactly; see
         `seanav.studies.imm_sea_current.linear.ends`.
+    longer : Longer
+        The flights with more runs, where these leave a condition open; see `tested`.
     """
 
     def __init__(self, grid: Sequence[float], results: dict, exact: Mapping | None = None):
         self.grid, self.results, self.exact = tuple(grid), results, dict(exact or {})
+        self.longer = Longer(self)
+
+    def flight(self, name: str, sigma: float) -> Any:
+        """Return a flight, None if there is none."""
+        if name not in self.results or sigma not in self.grid:
+            return None
+        return self.results[name][self.grid.index(sigma)]
 
     def score(self, score: Callable, *needs: Any) -> Any:
         """Return ``score(flight, …)`` of the needed (name, sigma), or why there is none."""
-        flights = []
-        for name, sigma in needs:
-            if name not in self.results or sigma not in self.grid:
+        flights = [self.flight(*need) for need in needs]
+        for flight, (name, sigma) in zip(flights, needs, strict=True):
+            if flight is None:
                 return f"{name} at {sigma:g} m/s was not run"
-            flights.append(self.results[name][self.grid.index(sigma)])
-            if scores.diverged(flights[-1]):
+            if scores.diverged(flight):
                 return f"{name} at {sigma:g} m/s diverged"
         return score(*flights)
+
+    def tested(
+        self,
+        what: str,
+        number: Callable,
+        low: float = -math.inf,
+        high: float = math.inf,
+        **more: Any,
+    ) -> Condition:
+        """Return the condition on ``number(flown)``; if it is open, that with more runs.
+
+        What `longer` lacks for it is noted there, and this condition returned until then.
+        """
+        found = condition(what, number(self), low, high, **more)
+        if found.outcome == "undecided":
+            sharper = number(self.longer)
+            if isinstance(sharper, Estimate):
+                return condition(what, sharper, low, high, **more)
+        return found
 
     def curve(self, score: Callable, name: str) -> list:
         """Return the score of one filter over the grid."""
@@ -82,17 +107,41 @@ class Flown:
         return min(found, key=found.__getitem__) if found else None
 
     def versus(self, name: str, other: str, sigma: float) -> Estimate | str:
-        """Return ln of the ratio of two TCEPs on the same runs."""
-        return self.score(scores.tcep_log_ratio, (name, sigma), (other, sigma))
+        """Return the ratio of two TCEPs on the same runs."""
+        return self.score(scores.tcep_ratio, (name, sigma), (other, sigma))
 
     def cell_ratio(self, column: int, name: str, other: str, sigma: float) -> Estimate | str:
-        """Return ln of the ratio of one column of Tables 2 and 3 on the same runs."""
-        score = partial(_one_of, scores.log_ratios, column)
+        """Return the ratio of one column of Tables 2 and 3 on the same runs."""
+        score = partial(scores.ratio, column=column)
         return self.score(score, (name, sigma), (other, sigma))
 
 
-def _one_of(score, k, *flights):
-    return score(*flights)[k]
+class Longer(Flown):
+    """The same filters on the same grid with more runs, flown only where they are asked for.
+
+    Attributes
+    ----------
+    asked : dict
+        The (name, sigma) that were asked for and are still to be flown.
+    """
+
+    def __init__(self, flown: Flown):
+        self.grid, self.exact, self.asked = flown.grid, flown.exact, {}
+        self._fewer, self._flights = flown, {}
+
+    def flight(self, name: str, sigma: float) -> Any:
+        """Return a flight; note it in `asked` if it was flown with fewer runs only."""
+        if name == PURE:
+            sigma = self.grid[0]  # it does not hang on the current
+        found = self._flights.get((name, sigma))
+        if found is None and self._fewer.flight(name, sigma) is not None:
+            self.asked[name, sigma] = None
+        return found
+
+    def fly(self, fly: Callable) -> None:
+        """Get what was asked for from ``fly(list of (name, sigma))``."""
+        asked, self.asked = list(self.asked), {}
+        self._flights |= zip(asked, fly(asked) if asked else (), strict=True)
 
 
 def there(found: Iterable) -> list:
@@ -116,13 +165,7 @@ def condition(
 ) -> Condition:
     """Return a `Condition`; a filter that diverged has a number, and it fails."""
     lost = isinstance(estimate, str) and estimate.endswith("diverged")
-    return Condition(what, LOST if lost else estimate, low, high, **more)
-
-
-def judge(report: Report, number: str, found: Sequence[Condition], basis: str) -> None:
-    """Judge a claim; if there is no condition, nothing of what it speaks of was run."""
-    nothing = Condition("what it speaks of", "nothing of what it speaks of was run")
-    report.claim(number, found or [nothing], basis)
+    return Condition(what, DIVERGED if lost else estimate, low, high, **more)
 
 
 def crossing(grid: np.ndarray, curve: list[float], level: float) -> str:

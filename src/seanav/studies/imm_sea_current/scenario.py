@@ -2,7 +2,7 @@
 
 import math
 from functools import lru_cache
-from typing import Any
+from typing import Any, Self
 
 import attrs
 import numpy as np
@@ -52,6 +52,13 @@ class Scenario(Parameters):
 
     runs: int = parameter(
         100, Integer(2, MOST_RUNS), origin="text", note="missions per point", quick=tenth(2)
+    )
+    more_runs: int = parameter(
+        4,
+        Integer(1, 100),
+        origin="assumed",
+        note="times as many where these leave a claim open",
+        quick=tenth(1),
     )
     seed: int = parameter(4, Integer(0), origin="assumed", note="of all random numbers")
     duration_s: float = parameter(
@@ -194,6 +201,11 @@ class Scenario(Parameters):
             allowed = f"must be at least {math.ceil(least)} m at {self.speed_kn:g} kn"
             allowed += f" and {sides} sides: increments of one second follow no sharper turn"
             raise ParameterError("corner_radius", self.corner_radius, allowed)
+
+    def longer(self) -> Self:
+        """Return the scenario with `more_runs` times as many runs, as far as they are allowed."""
+        most = min(MOST_RUNS, int(MOST_SECONDS // self.duration_s))
+        return attrs.evolve(self, runs=min(self.more_runs * self.runs, most))
 
     def path(self) -> Trajectory:
         """Return the trajectory, prepared once."""

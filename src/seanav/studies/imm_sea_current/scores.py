@@ -53,9 +53,9 @@ def tcep(flight: Flight) -> Estimate:
     return _tcep(flight).estimate()
 
 
-def tcep_log_ratio(flight: Flight, other: Flight) -> Estimate:
-    """Return ln(TCEP / TCEP of the other), runs paired."""
-    return (_tcep(flight) / _tcep(other)).log().estimate()
+def tcep_ratio(flight: Flight, other: Flight) -> Estimate:
+    """Return TCEP / TCEP of the other, runs paired."""
+    return estimates.exponential((_tcep(flight) / _tcep(other)).log().estimate())
 
 
 def controlled(number: Statistic, controls: Sequence[tuple[Statistic, float]]) -> Statistic:
@@ -118,10 +118,10 @@ def advantage_difference(
     return (one - two - (three - four)).estimate()
 
 
-def log_ratios(flight: Flight, other: Flight) -> list[Estimate]:
-    """Return ln of the ratios of the four cells, runs paired: four estimates."""
-    pairs = zip(squares(flight), squares(other), strict=True)
-    return [estimates.log_ratio(a, b) for a, b in pairs]
+def ratio(flight: Flight, other: Flight, column: int) -> Estimate:
+    """Return the ratio of one of the four cells, runs paired."""
+    pair = squares(flight)[column], squares(other)[column]
+    return estimates.ratio(*pair)
 
 
 def mode(flight: Flight, model: int = 0) -> Estimate:
@@ -171,12 +171,12 @@ def radial_curves(flight: Flight) -> tuple[np.ndarray, ...]:
 
 
 def falls(flight: Flight, first: int, last: int) -> tuple[Estimate, Estimate]:
-    """Return ln(value at record `last` / at `first`) of the RMS and of the TCEP."""
+    """Return value at record `last` / at `first` of the RMS and of the TCEP."""
     squared = np.stack([flight.series.north**2, flight.series.east**2])  # (2, records, runs)
     radial = squared.sum(axis=0)
-    swing = estimates.log_ratio(radial[last], radial[first])
+    swing = estimates.ratio(radial[last], radial[first])
     before, after = (rms(squared[:, : k + 1].mean(axis=1).T).sum() for k in (first, last))
-    return swing, (after / before).log().estimate()
+    return swing, estimates.exponential((after / before).log().estimate())
 
 
 def crossing(grid: np.ndarray, curve: list[float], level: np.ndarray) -> float | None:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from seanav import estimates
 from seanav.claims import Condition, agreement
 from seanav.estimates import Estimate
 from seanav.studies.imm_sea_current import printed, scores
@@ -53,8 +52,7 @@ def ratios(seas: Sequence[Sea], chains: Mapping[str, str]) -> list[Condition]:
         for sea in seas:
             for name, own, _, numbers in rows(table, chains):
                 if name != "EKF 0.1":
-                    log = sea.flown.cell_ratio(0, own, "EKF 0.1", sigma)
-                    ours = log if isinstance(log, str) else estimates.exponential(log)
+                    ours = sea.flown.cell_ratio(0, own, "EKF 0.1", sigma)
                     what = f"Table {table}: {own} over EKF 0.1, {sea.start}"
                     more = {"group": f"{name}, Table {table}"}
                     number = numbers[0] / paper["EKF 0.1"][0]
@@ -74,8 +72,7 @@ def discrepancy(seas: Sequence[Sea], chains: Mapping[str, str]) -> list[Conditio
     for (sigma, best), sea in [(one, sea) for one in BEST_OF.items() for sea in seas]:
         for p, end in chains.items():
             for j, column in enumerate(scores.COLUMNS):
-                log = sea.flown.cell_ratio(j, f"{IMM}{end}", best, sigma)
-                ours = log if isinstance(log, str) else estimates.exponential(log)
+                ours = sea.flown.cell_ratio(j, f"{IMM}{end}", best, sigma)
                 what = f"{column} at {sigma:g} m/s over that of {best}, {p}, {sea.start}"
                 group = f"{column.partition('_')[0]} at {sigma:g} m/s"
                 found.append(condition(what, ours, high=1.0 + LITTLE, group=group))
@@ -95,9 +92,9 @@ def best_and_worst(seas: Sequence[Sea]) -> list[Condition]:
     for sea in seas:
         for (table, place, name), others in sides.items():
             for other in others:
-                log = sea.flown.cell_ratio(0, name, other, printed.SIGMA[table])
-                region = {"high": 0.0} if place == "best" else {"low": 0.0}
-                what = f"Table {table}: ln of position error, {name} over {other}, {sea.start}"
+                ours = sea.flown.cell_ratio(0, name, other, printed.SIGMA[table])
+                region = {"high": 1.0} if place == "best" else {"low": 1.0}
+                what = f"Table {table}: position error, {name} over {other}, {sea.start}"
                 group = f"{name} {place} in Table {table}"
-                found.append(condition(what, log, **region, group=group))
+                found.append(condition(what, ours, **region, group=group))
     return found

@@ -7,7 +7,7 @@ import numpy as np
 
 from seanav import estimates
 from seanav.claims import Condition
-from seanav.estimates import Estimate, rms, significant
+from seanav.estimates import DIVERGED, Estimate, rms, significant
 from seanav.filters.moments.continuous_discrete import Track
 from seanav.studies.ito_filter.scenario import Case
 
@@ -140,7 +140,6 @@ def condition(
         number = number if isinstance(number, Estimate) else estimates.exact(number)
         return Condition(what, number, low, high, group=group)
     if lost is None:
-        number = Estimate(*(np.inf,) * 4, 0)
-        return Condition(what, number, low, high, group=group)
+        return Condition(what, DIVERGED, low, high, group=group)
     what = f"{what}: one diverged; runs lost by ours"
     return Condition(what, estimates.exact(lost), high=0, group=group)

@@ -22,6 +22,7 @@ CLAIMS = (
     ),
     Claim(
         number="2.3",
+        main=True,
         quote="In most cases the neural filter gave better results than the numerical filter",
         section="section 5",
         reading="The network has the smaller error than its teacher in over half of all runs and "
@@ -30,7 +31,8 @@ CLAIMS = (
     ),
     Claim(
         number="2.4",
-        quote="consisting of the input layer, one hidden layer (100 neurons) and the output layer",
+        quote="A multilayer perceptron has been applied …, consisting of the input layer, one "
+        "hidden layer (100 neurons) and the output layer",
         section="section 5",
         reading="No other hidden size has a smaller RMSE where the network is of any use: where "
         "it beats no filter.",
@@ -48,7 +50,8 @@ CLAIMS = (
     ),
     Claim(
         number="2.6",
-        quote="This variant was called network self-learning",
+        quote="A variant was also examined, where the teaching sequence is exchanged with network "
+        "outputs. This variant was called network self-learning",
         section="section 3",
         reading="It works: the self-taught network beats the frozen one and no filter, where a "
         "network is of any use.",
