@@ -341,6 +341,20 @@ def test_larger_covariance_finds_the_direction_in_which_it_is_smaller():
     assert least.value == pytest.approx(-0.5)
 
 
+def test_gain_follows_from_the_covariance_after_the_update():
+    case, random = run.problem(SMALL), np.random.default_rng(3)
+    outcomes, traces = [], []
+    for _ in range(2):
+        A = random.standard_normal((4, 8, 3, 3))
+        before = A @ A.swapaxes(-1, -2) * 1e-4
+        S = case.H @ before @ case.H.T + case.R
+        K = before @ case.H.T @ np.linalg.inv(S)
+        outcomes.append(outcome(before - K @ case.H @ before))
+        traces.append(np.trace(case.H @ K, axis1=-2, axis2=-1))
+    found = scores.larger_gain(*outcomes, case, np.arange(8) >= 2)
+    assert found.value == pytest.approx((traces[0] / traces[1])[:, 2:].mean())
+
+
 def test_decay_compares_the_last_fifth_with_that_after_the_fault():
     case = run.problem(SMALL)
     factors = np.ones((4, len(case.times), 3))

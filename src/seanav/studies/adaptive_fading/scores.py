@@ -103,6 +103,18 @@ def larger_covariance(one: Outcome, other: Outcome, samples: np.ndarray) -> tupl
     return estimates.mean(ratio), estimates.exact(np.linalg.eigvalsh(scaled).min())
 
 
+def larger_gain(
+    one: Outcome, other: Outcome, case: Problem, samples: np.ndarray
+) -> estimates.Estimate:
+    """Return the mean over the samples of tr H K over that of the other filter.
+
+    K = P⁺ Hᵀ R⁻¹, with the covariance after the update; H K has no unit.
+    """
+    taken = case.H.T @ np.linalg.solve(case.R, case.H)
+    gains = [np.einsum("...ij,ji", P[:, samples], taken) for P in (one.P, other.P)]
+    return estimates.mean((gains[0] / gains[1]).mean(axis=1))
+
+
 def decay(factors: np.ndarray, case: Problem, scenario: Scenario) -> estimates.Estimate | str:
     """Return the excess of the fading factors over one late after the fault over that early.
 

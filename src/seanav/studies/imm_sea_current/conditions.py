@@ -270,6 +270,25 @@ def _least(flown, what, name, other, group):
     return flown.tested(what, number, 0.0, **POINTS, group=group)
 
 
+def fading_is_robust(sea: Sea) -> list[Condition]:
+    """4.34: of one σ_f, fading raises the least rate."""
+    found = []
+    for s in map(run.label, zip(sea.scenario.sigma_filter)):
+        what = f"least rate of AFEKF {s} beyond that of EKF {s}"
+        found.append(_least(sea.flown, what, f"AFEKF {s}", f"EKF {s}", f"σ_f = {s} m/s"))
+    return found
+
+
+def at_home(sea: Sea) -> list[Condition]:
+    """4.35: the rate of an AFEKF at a sea as strong as it assumes."""
+    found = []
+    for s in (x for x in sea.scenario.sigma_filter if x in sea.flown.grid):
+        number = methodcaller("sharp_rate", f"AFEKF {run.label((s,))}", s)
+        what = f"rate of AFEKF {s:g} at {s:g} m/s"
+        found.append(sea.flown.tested(what, number, RATE, **PERCENT, group=f"σ_f = {s:g} m/s"))
+    return found
+
+
 def better_chain(sea: Sea, names: Sequence[str], others: Sequence[float]) -> list[Condition]:
     """4.30: another diagonal of T raises the least rate."""
     found = []
@@ -344,14 +363,16 @@ def losses(scenario: Scenario, factor: float, at: float) -> tuple[float, float]:
     return _ratio(scenario, at * factor, at, at), by_time / best
 
 
-def appendix_growth(before: Mapping[float, np.ndarray], updates: Sequence[int]) -> list[Condition]:
-    """4.32: P₁₂ and P₂₂ before an update, σ = 1 against 0.1 m/s."""
-    large, small, found = before[1.0], before[0.1], []
+def appendix_growth(
+    P: Mapping[float, np.ndarray], elements: Mapping[str, tuple], when: str, updates: Sequence[int]
+) -> list[Condition]:
+    """4.32 and 4.33: elements of P before or after an update, σ = 1 against 0.1 m/s."""
+    large, small, found = P[1.0], P[0.1], []
     for k in updates:
-        for i, name in ((0, "P₁₂"), (1, "P₂₂")):
-            pair = large[k - 1, i, 1], small[k - 1, i, 1]
+        for name, (i, j) in elements.items():
+            pair = large[k - 1, i, j], small[k - 1, i, j]
             started = pair[1] != 0.0
             number = estimates.exact(pair[0] / pair[1]) if started else "both are 0 at the start"
-            what = f"{name} before update {k}: σ 1 over 0.1 m/s"
+            what = f"{name} {when} update {k}: σ 1 over 0.1 m/s"
             found.append(condition(what, number, 1.0, group=name))
     return found
