@@ -253,3 +253,13 @@ def test_consistency_bounds_hold_a_mean_nees_as_often_as_they_say():
     low, high = estimates.consistency_bounds(3, 50)
     means = generator.chisquare(3, size=(4000, 50)).mean(axis=1)
     assert ((low <= means) & (means <= high)).mean() == pytest.approx(0.95, abs=0.01)
+
+
+def test_what_rounding_leaves_of_zero_is_zero():
+    assert [estimates.exact(x, 1e-9).value for x in (4e-14, -4e-14, 1e-9, -2e-3)] == [
+        0.0,
+        0.0,
+        1e-9,
+        -2e-3,
+    ]
+    assert estimates.exact(4e-14).value == 4e-14

@@ -12,6 +12,7 @@ from scipy import stats
 from seanav.checks import integer
 
 LEVEL = 0.95
+ROUNDING = 1e-9  # more than rounding leaves of a 0 among numbers near 1
 
 
 @dataclass(frozen=True)
@@ -58,9 +59,13 @@ class Estimate:
 DIVERGED = Estimate(*(math.inf,) * 4, 0)
 
 
-def exact(value: float) -> Estimate:
-    """Return a number that is computed without sampling."""
-    return Estimate(float(value), float(value), float(value), 0.0, 0)
+def exact(value: float, rounding: float = 0.0) -> Estimate:
+    """Return a number that is computed without sampling.
+
+    One that is 0 but for `rounding` is 0: what rounding leaves is another on every machine.
+    """
+    value = float(value) if abs(value) >= rounding else 0.0
+    return Estimate(value, value, value, 0.0, 0)
 
 
 def significant(x: float | Estimate, digits: int = 3) -> str:

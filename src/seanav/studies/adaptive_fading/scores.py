@@ -3,7 +3,7 @@
 import numpy as np
 
 from seanav import estimates
-from seanav.estimates import rms
+from seanav.estimates import ROUNDING, rms
 from seanav.studies.adaptive_fading.run import Outcome, Problem
 from seanav.studies.adaptive_fading.scenario import Scenario
 
@@ -92,7 +92,7 @@ def larger_covariance(one: Outcome, other: Outcome, samples: np.ndarray) -> tupl
         Mean over the samples of tr P over that of the other.
     least : Estimate
         Smallest eigenvalue of the difference over all runs and samples, in parts of the
-        other's trace, an exact number: not below 0 if P is nowhere smaller in any direction.
+        other's scale, an exact number: not below 0 if P is nowhere smaller in any direction.
     """
     P, reference = one.P[:, samples], other.P[:, samples]
     traces = np.trace(reference, axis1=-2, axis2=-1)
@@ -100,7 +100,7 @@ def larger_covariance(one: Outcome, other: Outcome, samples: np.ndarray) -> tupl
     # A correlation's scale: eigenvalues of differing units cannot be compared.
     spread = np.sqrt(np.diagonal(reference, axis1=-2, axis2=-1))
     scaled = (P - reference) / (spread[..., :, None] * spread[..., None, :])
-    return estimates.mean(ratio), estimates.exact(np.linalg.eigvalsh(scaled).min())
+    return estimates.mean(ratio), estimates.exact(np.linalg.eigvalsh(scaled).min(), ROUNDING)
 
 
 def larger_gain(

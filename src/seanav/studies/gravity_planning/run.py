@@ -318,4 +318,4 @@ def plane_check(scenario: Scenario, noise: Noise) -> tuple[estimates.Estimate, .
     apart = np.abs(np.array([[ee, en], [en, nn]]) - P).max() / np.trace(P)
     last = tracks.errors[:, -1]
     squared = np.einsum("ri,ij,rj->r", last, np.linalg.inv(P), last)
-    return estimates.exact(apart), estimates.mean(squared / 2)
+    return estimates.exact(apart, estimates.ROUNDING), estimates.mean(squared / 2)
