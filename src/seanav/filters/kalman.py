@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seanav._compile import kernel
-from seanav.checks import ParameterError, array, covariance
+from seanav.checks import array, covariance
 
 
 class Track(NamedTuple):
