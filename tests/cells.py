@@ -1,20 +1,25 @@
 """All cells of a notebook with other parameters, in this process and with coarse pictures."""
 
+import ast
 import io
 import json
 import os
+import random
 import re
 import warnings
 from contextlib import redirect_stdout
+from functools import cache
 from pathlib import Path
 from unittest import mock
 
 import netCDF4
 import numpy as np
 from bounded import limit
+from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from seanav.checks import ParameterError
+from seanav.report import Report
 
 NOTEBOOKS = Path(__file__).resolve().parents[1] / "notebooks"
 SECONDS = 600  # of one notebook on a busy machine; on a quiet one it takes about ten
@@ -50,16 +55,81 @@ def own_map(per_mgal, **attributes):
     return {"map_source": write, "map_variable": "anomaly"}
 
 
-def execute(stem, changes, folder):
-    """Run every cell and return what was printed.
+@cache
+def code(stem):
+    """Return (source, hidden) of a notebook's cells.
+
+    If no parameter reaches a cell, as where equations are derived, `hidden` are the names that
+    parameters do reach: it runs without them, once for all sets. Otherwise it is None.
+    """
+    text = (NOTEBOOKS / f"{stem}.ipynb").read_text("utf-8")
+    found, reached = [], set()
+    for cell in json.loads(text)["cells"]:
+        if cell["cell_type"] == "code":
+            source = "".join(cell["source"])
+            uses, makes, imports = _names(source)
+            # The first two cells are the parameters and what reads them.
+            apart = len(found) >= 2 and not (imports or uses & reached)
+            found.append((source, frozenset(reached) if apart else None))
+            reached = reached - makes if apart else reached | makes
+    return found
+
+
+def _names(source):
+    """Return the names that a cell takes from others, those that it makes, and its imports."""
+    nodes = list(ast.walk(ast.parse(source)))
+    named = [node for node in nodes if isinstance(node, ast.Name)]
+    makes = {node.id for node in named if isinstance(node.ctx, ast.Store)}
+    makes |= {node.name for node in nodes if isinstance(node, ast.FunctionDef)}
+    imports = [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
+    return {node.id for node in named} - makes, makes, imports
+
+
+_ONCE = {}  # source: (what it prints, what it makes) of cells that no parameter reaches
+
+
+def run_cell(source, hidden, names):
+    """Run a cell of `code`, or give what it printed and made when it ran for another set."""
+    if hidden is None:
+        exec(source, names)
+        return
+    if source not in _ONCE:
+        before = {name: x for name, x in names.items() if name not in hidden}
+        after, printed = dict(before), io.StringIO()
+        with redirect_stdout(printed):
+            exec(source, after)
+        made = {name: x for name, x in after.items() if before.get(name, _ONCE) is not x}
+        _ONCE[source] = printed.getvalue(), made
+    printed, made = _ONCE[source]
+    print(printed, end="")
+    names.update(made)
+
+
+def some_pictures(changes, share):
+    """Return `Report.figure` that draws a share of the pictures, others for other changes."""
+    plain = {name: value for name, value in changes.items() if not callable(value)}
+    chance, whole = random.Random(repr(plain)), Report.figure
+
+    def figure(self, number, fig, caption):
+        if chance.random() < share:
+            return whole(self, number, fig, caption)
+        plt.close(fig)
+        self._new("figure", number, ".png").touch()
+        print(f"Figure {number}. {caption}")
+        return None
+
+    return mock.patch.object(Report, "figure", figure)
+
+
+def execute(stem, changes, folder, pictures=1.0):
+    """Run every cell and return what was printed; `pictures` is the share that is drawn.
 
     Raises
     ------
     seanav.checks.ParameterError
         From the cell after the parameters only; a later cell must refuse nothing.
     """
-    text = (NOTEBOOKS / f"{stem}.ipynb").read_text("utf-8")
-    cells = [cell for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
+    cells = code(stem)
     names, printed, save = {"__name__": "notebook"}, io.StringIO(), Figure.savefig
 
     def coarse(figure, file, **options):
@@ -69,26 +139,27 @@ def execute(stem, changes, folder):
     with (
         mock.patch.dict(os.environ, SEANAV_RESULTS=str(folder)),
         mock.patch.object(Figure, "savefig", coarse),
+        some_pictures(changes, pictures),
         redirect_stdout(printed),
         limit(SECONDS),
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("error")  # what a cell writes to stderr
-        exec("".join(cells[0]["source"]), names)
+        exec(cells[0][0], names)
         for name, value in (SMALL[stem] | changes).items():
             names[name] = value(folder) if callable(value) else value
-        exec("".join(cells[1]["source"]), names)
+        exec(cells[1][0], names)
         for number, cell in enumerate(cells[2:], 3):
             try:
-                exec("".join(cell["source"]), names)
+                run_cell(*cell, names)
             except Exception as error:
                 raise AssertionError(f"cell {number}: {type(error).__name__}: {error}") from error
     return printed.getvalue()
 
 
-def judge(stem, changes, folder):
+def judge(stem, changes, folder, pictures=1.0):
     """Run every cell; see that nothing is without a number unless it says why; return the text."""
-    printed = execute(stem, changes, folder)
+    printed = execute(stem, changes, folder, pictures)
     assert not re.search(r"\b(nan|inf)\b", printed), printed
     claims = json.loads((folder / stem / "claims.json").read_text("utf-8"))
     for claim in claims.values():
@@ -99,9 +170,12 @@ def judge(stem, changes, folder):
 
 
 def refusal(stem, changes, folder):
-    """Return why a notebook's first cell refuses `changes`, or "" if all cells ran."""
+    """Return why a notebook's first cell refuses `changes`, or "" if all cells ran.
+
+    A third of the pictures is drawn: they take most of the time.
+    """
     try:
-        judge(stem, changes, folder)
+        judge(stem, changes, folder, pictures=1 / 3)
     except ParameterError as error:
         said = str(error)
         assert "\n" not in said

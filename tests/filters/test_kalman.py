@@ -114,6 +114,28 @@ def test_nees_is_the_quadratic_form():
     e = track.x - truth
     expected = np.einsum("rki,rkij,rkj->rk", e, np.linalg.inv(track.P), e)
     np.testing.assert_allclose(kalman.nees(e, track.P), expected, rtol=1e-9)
+    for broken in (0.0, -1.0):
+        P = np.array(track.P)
+        P[1, 2] *= broken  # singular, or with negative variances
+        found = kalman.nees(e, P)
+        assert np.isnan(found[1, 2])
+        assert np.isfinite(np.delete(found.ravel(), 1 * 5 + 2)).all()
+
+
+@pytest.mark.parametrize("factor", [1e-20, 1e-6, 1e20])
+def test_steady_state_has_no_unit(factor):
+    Phi = vehicles.steering().discretise(0.2)[0]
+    H, Q, R = np.eye(3), 1e-5 * np.eye(3), 1e-4 * np.eye(3)
+    one = linear_covariance.steady_covariance(Phi, H, Q, R)
+    other = linear_covariance.steady_covariance(Phi, H, factor * Q, factor * R)
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_allclose(b, factor * a, rtol=1e-9)
+
+
+def test_a_steady_state_that_rounding_hides_is_refused():
+    Phi, H = np.diag([0.5, 1.0]), np.eye(2)
+    with pytest.raises(ParameterError, match="there is no steady state"):
+        linear_covariance.steady_covariance(Phi, H, 1e-20 * np.eye(2), 1e6 * np.eye(2))
 
 
 @settings(max_examples=25, deadline=None)

@@ -205,13 +205,17 @@ RUNS = {
         {"map_interval": [0.01], "filter_step": 0.01},
         {"torpedo_noise": [1.0, 1.0, 1.0, 2.0, 2.0, 2.0]},
         {"torpedo_noise": [1e-6] * 6, "sphere_noise": [1e-6] * 6},
+        {"torpedo_noise": [30.0] * 6, "sphere_noise": [300.0] * 6},
+        {"torpedo_start": [1e3] + [0.0] * 5},
     ],
     "2_neural_estimator": [
         {"weights": [0.3]},
         {"weights": [0.0, 1.0]},
         {"hidden_sizes": [10]},
         {"noise": 1e-6},
+        {"noise": 1e-6, "q": 100.0, "innovation": "printed", "w1": 1.0},
         {"pairs": 2},
+        {"settle": 1},
     ],
     "3_adaptive_fading": [
         {"measured_steering": ["v"]},
@@ -220,6 +224,9 @@ RUNS = {
         {"discretisation": "exact", "dt": 2.0},
         {"initial_variance": 1e6},
         {"R_steering": [1e6] * 3},
+        {"Q_steering": [1e-20] * 3, "R_steering": [1e6] * 3, "initial_variance": 1e6},
+        {"R_steering": [1e-20] * 3, "R_diving": [1e-20] * 4},
+        {"fin_rad": 0.0, "bias_rad": 0.0, "stuck_rad": 0.0, "alpha": 1e-12},
     ],
     "4_imm_sea_current": [
         {"sigma_filter": [0.2, 0.6, 0.9]},

@@ -1,8 +1,10 @@
 """The sets of the soak: every pair of levels meets, every option is there, enough of them."""
 
 import importlib
+import json
 from itertools import combinations, product
 
+import cells
 import pytest
 from cells import SMALL
 from sets import LEVELS, REFUSED, RUNS, covering, factors
@@ -36,3 +38,24 @@ def test_sets_speak_of_parameters_and_hold_every_option(stem):
     for changes in (*RUNS[stem], *REFUSED[stem]):
         assert changes.keys() <= declared.keys()
     assert len(covering(found)) + len(RUNS[stem]) >= 25
+
+
+def test_a_cell_that_no_parameter_reaches_runs_once(tmp_path, monkeypatch, capsys):
+    sources = ["runs = 2", "scenario = runs", "import math", "calls = []\nfixed = math.pi"]
+    sources += [
+        "def f():\n    return scenario",
+        "calls.append(fixed)\nprint(len(calls))",
+        "y = f()",
+    ]
+    sources += ["fixed = runs", "print(fixed)"]
+    notebook = {"cells": [{"cell_type": "code", "source": [source]} for source in sources]}
+    (tmp_path / "9_it.ipynb").write_text(json.dumps(notebook), "utf-8")
+    monkeypatch.setattr(cells, "NOTEBOOKS", tmp_path)
+    code = cells.code.__wrapped__("9_it")
+    assert [k for k, (_, hidden) in enumerate(code, 1) if hidden is not None] == [4, 6]
+    for runs in (2, 3):
+        names = {}
+        for source, hidden in [(f"runs = {runs}", None), *code[1:]]:
+            cells.run_cell(source, hidden, names)
+        assert names["y"] == names["fixed"] == runs
+    assert capsys.readouterr().out == "1\n2\n1\n3\n"

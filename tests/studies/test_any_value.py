@@ -155,7 +155,7 @@ STUDIES = {
     ),
     "3": Study(
         fading.Scenario,
-        {"runs": 2, "settings": 4, "sweep_runs": 2},
+        {"runs": 2, "settings": 4, "sweep_runs": 2, "duration": 60.0, "fault_time": 30.0},
         {
             "runs": few(2, 3), "settings": few(4, 5), "sweep_runs": few(2, 3),
             "dt": st.floats(0.02, 4.0), "duration": st.floats(30, 120),

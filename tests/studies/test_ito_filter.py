@@ -197,14 +197,29 @@ def test_half_a_mission_holds_every_interval_of_the_map_whole():
 # ---------------------------------------------------------------- divergence
 
 
-def test_truth_that_explodes_is_told_in_one_line():
+def test_truth_that_explodes_is_shown_as_diverged_and_no_filter_is_judged_by_it():
     scenario = attrs.evolve(SMALL, torpedo_noise=(30.0,) * 6)
-    told = "torpedo_step = 0.01: is too long for .*torpedo_noise times strong_noise.* diverges"
-    with pytest.raises(ParameterError, match=told) as caught:
-        run.simulate(scenario, "torpedo")
-    assert "\n" not in str(caught.value)
-    with pytest.raises(ParameterError, match=r"map_step = 0\.01: is too long"):
-        beyond.second_order_map(attrs.evolve(scenario, map_noise=(1.0,)), "torpedo")
+    truth = run.simulate(scenario, "torpedo")
+    assert truth.lost.all()
+    assert np.isfinite(truth.x[:, 0]).all()
+    result = run.run_case(scenario, truth, scenario.cases[0])
+    assert all(one.rmse(0).diverged and one.lost == 4 for one in result.scores.values())
+    assert np.isnan(result.track.P[:, 1:]).all(), "nothing is estimated of what diverged"
+    assert np.isnan(run.cloud(scenario, truth, scenario.cases[0]).mean[:, 1:]).all()
+    gain = result.gain()
+    assert scores.condition("gain", gain, high=1, lost=4, aside="the vehicle").aside
+    assert not scores.condition("gain", gain, high=1, lost=4, aside="the vehicle").counts
+    rows = beyond.second_order_map(attrs.evolve(scenario, map_noise=(1.0,)), "torpedo")
+    assert all(row[2].diverged and row[3].diverged for row in rows)
+
+
+def test_a_run_that_explodes_leaves_the_others_alone():
+    truth, case = run.simulate(SMALL, "torpedo"), SMALL.cases[0]
+    x = truth.x.copy()
+    x[2, 1:] = np.nan
+    whole, holed = (run.estimate(SMALL, t, case).mean for t in (truth, attrs.evolve(truth, x=x)))
+    np.testing.assert_array_equal(np.delete(whole, 2, axis=0), np.delete(holed, 2, axis=0))
+    assert np.isnan(holed[2, 1:]).all()
 
 
 def test_filters_that_diverge_are_shown_as_diverged():
@@ -245,6 +260,7 @@ def test_what_is_finite_is_shown_and_judged_as_it_is():
     [
         {},
         {"strong_noise": 30.0, "filter_step": 0.25, "map_noise": (30.0,)},
+        {"torpedo_noise": (30.0,) * 6, "sphere_noise": (300.0,) * 6},
         {"interval": 20.0, "mission": 40.0},
         {"mission": 1.0, "map_interval": (1.0,)},
     ],

@@ -535,6 +535,23 @@ def test_error_after_one_minute_is_that_of_the_filter_itself(w1, innovation, sta
     assert scores.stabilising(scenario, w1, start) == pytest.approx(flown, rel=0.03)
 
 
+@pytest.mark.parametrize("q", [1e-9, 1e-6, 1e-3, 1e-1, 100.0])
+def test_the_error_for_ever_is_that_of_one_measurement_for_the_printed_weight_of_one(q):
+    # (1 - K²) R / (1 - K²), which is 0/0 where q over R is so large that the gain rounds to 1.
+    scenario = attrs.evolve(SMALL, noise=1e-6, q=q, innovation="printed")
+    # The first gains still feel the start a little.
+    assert scores.stabilising(scenario, 1.0, "measured") == pytest.approx(1.0, rel=2e-3)
+
+
+def test_a_first_stage_without_a_step_is_no_phase():
+    scenario = attrs.evolve(SMALL, settle=1)
+    done = run.courses(scenario)
+    assert all("initial" not in course.phases for course in done.values())
+    assert scores.distinct(done, "initial") == []
+    assert "initial" not in scores.weight_sweep(scenario, done)["steady"]
+    assert scores.score_rows(done, ["teacher"])
+
+
 def test_parallel_steps_grow_as_the_logarithm_of_the_hidden_layer():
     small, large = (scores.parallel_steps(H) for H in (15, 255))
     for name in ("network, logistic computed", "network, logistic looked up"):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seanav._compile import kernel
-from seanav.checks import ParameterError, array, covariance
+from seanav.checks import array, covariance
 
 
 class Track(NamedTuple):
@@ -357,17 +357,19 @@ def _nees(errors, P, out):
 def nees(errors: ArrayLike, P: ArrayLike) -> np.ndarray:
     """Return the normalised estimation error squared, (runs, steps).
 
+    NaN where a P is not positive definite: rounding has used up what the filter knew of it.
+
     Parameters
     ----------
     errors : array (runs, steps, n)
         Estimate minus truth.
     P : array (runs, steps, n, n)
-        Covariances of a `Track`, positive definite.
+        Covariances of a `Track`.
 
     Raises
     ------
     seanav.checks.ParameterError
-        If shapes do not fit, a number is not finite, or a P is not positive definite.
+        If shapes do not fit or a number is not finite.
     """
     sizes, axes = {}, ("runs", "steps", "states")
     errors = array("errors", errors, axes, sizes, contiguous=False)
@@ -378,6 +380,5 @@ def nees(errors: ArrayLike, P: ArrayLike) -> np.ndarray:
         np.ascontiguousarray(P.transpose(1, 2, 3, 0)),
         out,
     )
-    for step, run_ in np.argwhere(~np.isfinite(out))[:1]:
-        raise ParameterError("P", P[run_, step].tolist(), "must be positive definite everywhere")
+    out[~np.isfinite(out)] = np.nan
     return out.T

@@ -152,15 +152,17 @@ def steady_covariance(
     ------
     seanav.checks.ParameterError
         As for `seanav.filters.kalman.run`, and if no steady state exists: the pair (Phi, H)
-        must be detectable, and Q must reach every mode that does not decay.
+        must be detectable, and Q must reach every mode that does not decay, by more than
+        rounding.
     """
     sizes = {}
     Phi = array("Phi", Phi, ("states", "states"), sizes)
     H = array("H", H, ("measurements", "states"), sizes)
     Q, R = covariance("Q", Q, len(Phi)), covariance("R", R, len(H), definite=True)
+    scale = np.trace(R)  # the solver has tolerances that know no unit
     try:
-        before = linalg.solve_discrete_are(Phi.T, H.T, Q, R)
-    except np.linalg.LinAlgError:
+        before = scale * linalg.solve_discrete_are(Phi.T, H.T, Q / scale, R / scale)
+    except (np.linalg.LinAlgError, ValueError):  # the latter where it nearly is not
         allowed = "must be detectable through H and driven by Q: there is no steady state"
         raise ParameterError("Phi", Phi.tolist(), allowed) from None
     gain = np.linalg.solve(H @ before @ H.T + R, H @ before).T

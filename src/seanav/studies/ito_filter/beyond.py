@@ -163,6 +163,11 @@ def sway_yaw() -> moments.System:
     return moments.system("v r", drift, ["g2", "g6"], parameters=names)
 
 
+@cache
+def _sway_yaw_propagator(closure):
+    return moments.Propagator(moments.close(sway_yaw(), closure))
+
+
 def sway_yaw_parameters(u0: float, noise: tuple[float, ...]) -> list[float]:
     """Return the torpedo's numbers for `sway_yaw`, diffusion (v, r) given."""
     t = bodies.TORPEDO
@@ -190,8 +195,7 @@ def sway_yaw_reference(
     out = {"Fokker–Planck": density.moments()[:2]}
     for closure in moments.CLOSURES:
         m, C = np.array([mean], dtype=float), np.array([P], dtype=float)
-        propagate = moments.Propagator(moments.close(sway_yaw(), closure))
-        propagate(m, C, duration, 0.01, None, parameters)
+        _sway_yaw_propagator(closure)(m, C, duration, 0.01, None, parameters)
         out[closure] = m[0], C[0]
     return out, density
 
@@ -211,6 +215,7 @@ def point(vehicle: str) -> dict:
     return {symbol: sp.Rational(value) for symbol, value in out.items()}
 
 
+@cache
 def observability_rows(orders: int = 8) -> list:
     """Return rows (vehicle, measured, rank by order of the Lie derivative …)."""
     model, rows = run.body(), []
@@ -237,6 +242,7 @@ def observability_matrix(words: str) -> sp.ImmutableMatrix:
     return sp.ImmutableMatrix(sp.Matrix.vstack(*derivatives).jacobian(model.states))
 
 
+@cache
 def minor(words: str, vehicle: str) -> tuple[tuple, sp.Rational]:
     """Return three rows of `observability_matrix` and their minor at `point`, exactly.
 
@@ -267,6 +273,7 @@ def information_form(
     return mean + after * C.T * R.inv() * (z - C * mean), after
 
 
+@cache
 def remark_two(words: str) -> tuple[int, int]:
     """Return in how many entries (12) or (13) and `information_form` differ: mean, covariance.
 

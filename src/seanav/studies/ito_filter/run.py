@@ -52,12 +52,18 @@ class Truth:
         Of the body, diffusion included: the filters know it.
     times : ndarray, shape (samples,)
     x : ndarray, shape (runs, samples, 6)
+        NaN after the start in a run that is lost.
     """
 
     vehicle: str
     parameters: np.ndarray
     times: np.ndarray
     x: np.ndarray
+
+    @property
+    def lost(self) -> np.ndarray:
+        """Whether the simulation of a run diverged, (runs,): the step is too long for it."""
+        return np.isnan(self.x[:, -1, 0])
 
 
 def simulate(
@@ -85,8 +91,7 @@ def simulate(
     Raises
     ------
     seanav.checks.ParameterError
-        If the step does not divide `keep`, or `keep` the mission; if the vehicle explodes,
-        which is the fault of the step.
+        If the step does not divide `keep`, or `keep` the mission.
     """
     craft = bodies.BODIES[vehicle]
     noise = scenario.noise(vehicle) if noise is None else noise
@@ -111,10 +116,8 @@ def simulate(
 
     tracks = montecarlo.parallel_map(batch, batches(scenario.runs), label=f"{vehicle}, truth")
     x = np.concatenate(tracks)
-    if not (np.abs(x) < LIMIT).all():
-        given = ", ".join(f"{vehicle}_{part}" for part in ("start", "variance", "noise"))
-        allowed = f"is too long for {given} times strong_noise or map_noise: the {vehicle} diverges"
-        raise checks.ParameterError(name, length, allowed)
+    # Written so that NaN counts as diverged. Which noise is too strong for a step, chance decides.
+    x[~(np.abs(x) < LIMIT).all(axis=(1, 2)), 1:] = np.nan
     return Truth(vehicle, parameters, np.arange(x.shape[1]) * keep, x)
 
 
@@ -124,19 +127,25 @@ def batches(runs: int) -> list[list[int]]:
 
 
 def measure(scenario: Scenario, truth: Truth, case: Case) -> np.ndarray:
-    """Return the measurements of a case, (runs, samples - 1, 3)."""
+    """Return the measurements of a case, (runs, samples - 1, 3); 0 in runs that are lost."""
     runs, samples = truth.x.shape[:2]
     shape = (samples - 1, 3)
     purpose = f"{truth.vehicle} measurement"
     noise = montecarlo.normals(scenario.seed, purpose, runs, shape)
-    return truth.x[:, 1:] @ case.H.T + np.sqrt(case.R) * noise
+    z = truth.x[:, 1:] @ case.H.T + np.sqrt(case.R) * noise
+    z[truth.lost] = 0.0  # a filter takes no NaN
+    return z
 
 
 # ---------------------------------------------------------------- filters
 
 
-def _joined(tracks):
-    return [np.concatenate([getattr(t, a) for t in tracks]) for a in ("mean", "P", "nis")]
+def _joined(tracks, truth):
+    """Return the `Track` of all batches; NaN after the start in runs that are lost."""
+    arrays = [np.concatenate([getattr(t, a) for t in tracks]) for a in ("mean", "P", "nis")]
+    for array in arrays:
+        array[truth.lost[: len(array)], 1:] = np.nan
+    return Track(*arrays)
 
 
 def estimate(
@@ -157,10 +166,8 @@ def estimate(
 
     # Without corrections every run is the same: one stands for all.
     chosen = batches(scenario.runs) if corrected else [[0]]
-    joined = _joined(montecarlo.parallel_map(batch, chosen))
-    if not corrected:
-        joined = [np.repeat(a, scenario.runs, axis=0) for a in joined]
-    return Track(*joined)
+    tracks = montecarlo.parallel_map(batch, chosen)
+    return _joined(tracks if corrected else tracks * scenario.runs, truth)
 
 
 def cloud(scenario: Scenario, truth: Truth, case: Case) -> Track:
@@ -178,7 +185,7 @@ def cloud(scenario: Scenario, truth: Truth, case: Case) -> Track:
             truth.parameters, limit=LIMIT,
         )  # fmt: skip
 
-    return Track(*_joined(montecarlo.parallel_map(one, range(runs), label="particles")))
+    return _joined(montecarlo.parallel_map(one, range(runs), label="particles"), truth)
 
 
 # ---------------------------------------------------------------- all cases

@@ -130,16 +130,18 @@ def condition(
     high: float = np.inf,
     lost: int | None = None,
     group: str = "",
+    aside: str = "",
 ) -> Condition:
     """Return a condition of a claim on an `Estimate` or an exact number.
 
     Where a filter diverged it fails. If the claim is about one of two filters that are
-    compared, hand in how many runs that one has `lost`: none, and it holds.
+    compared, hand in how many runs that one has `lost`: none, and it holds. Where the
+    vehicle itself diverged, no filter is to blame: say so by `aside`, and it does not count.
     """
     if not _diverged(number):
         number = number if isinstance(number, Estimate) else estimates.exact(number)
         return Condition(what, number, low, high, group=group)
-    if lost is None:
-        return Condition(what, DIVERGED, low, high, group=group)
+    if lost is None or aside:
+        return Condition(what, DIVERGED, low, high, group=group, aside=aside)
     what = f"{what}: one diverged; runs lost by ours"
     return Condition(what, estimates.exact(lost), high=0, group=group)

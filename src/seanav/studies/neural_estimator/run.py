@@ -63,7 +63,8 @@ def measure(scenario: Scenario, truth: np.ndarray, purpose: str = "noise") -> np
 def phases(scenario: Scenario, truth: np.ndarray) -> dict[str, np.ndarray]:
     """Return the steps of each phase as masks (steps,), by name.
 
-    The examination is cut where the truth first and last changes in it.
+    The examination is cut where the truth first and last changes in it. A phase without a
+    step is left out, such as "initial" where the start is all there is of stage 1.
     """
     step = np.arange(scenario.steps)
     exam = step >= scenario.examination
@@ -74,14 +75,15 @@ def phases(scenario: Scenario, truth: np.ndarray) -> dict[str, np.ndarray]:
     }
     changes = np.append(False, np.abs(np.diff(truth, axis=0)).max(axis=1) > 1e-9)
     moving = np.flatnonzero(changes & exam)
-    if moving.size == 0:
-        return masks | {"steady": exam}
-    parts = {
-        "before turn": exam & (step < moving[0]),
-        "turn": (step >= moving[0]) & (step <= moving[-1]),
-        "after turn": step > moving[-1],
-    }
-    return masks | {name: mask for name, mask in parts.items() if mask.any()}
+    parts = {"steady": exam}
+    if moving.size:
+        first, last = moving[[0, -1]]
+        parts = {
+            "before turn": exam & (step < first),
+            "turn": (step >= first) & (step <= last),
+            "after turn": step > last,
+        }
+    return {name: mask for name, mask in (masks | parts).items() if mask.any()}
 
 
 def squared(estimate: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> np.ndarray:

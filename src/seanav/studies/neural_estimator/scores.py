@@ -98,13 +98,15 @@ def stops(history: np.ndarray, delta: float) -> list:
 def weight_sweep(scenario: Scenario, done: dict[str, Course], purpose: str | None = None) -> dict:
     """Return course -> phase -> w1 -> squared errors (runs,) of the numerical filter.
 
-    The phases are every step from 1 on ("all"), "initial" and those of `Course.parts`.
+    The phases are every step from 1 on ("all"), "initial" if there is any step in it, and
+    those of `Course.parts`.
     """
     result = {}
     for name, course in done.items():
         z = course.z if purpose is None else run.measure(scenario, course.truth, purpose)
         estimates = {w1: run.numerical(scenario, z, w1) for w1 in scenario.w1_grid}
-        masks = {"all": np.arange(scenario.steps) >= 1, "initial": course.phases["initial"]}
+        masks = {"all": np.arange(scenario.steps) >= 1}
+        masks |= {phase: course.phases[phase] for phase in course.phases if phase == "initial"}
         result[name] = {
             phase: {w1: run.squared(x, course.truth, mask) for w1, x in estimates.items()}
             for phase, mask in (masks | course.parts()).items()
@@ -157,9 +159,14 @@ def cases(done: dict[str, Course]) -> list[tuple[str, str]]:
 
 
 def distinct(done: dict[str, Course], phase: str) -> list[str]:
-    """Return the courses whose truth up to the end of a phase is no earlier course's."""
+    """Return the courses whose truth up to the end of a phase is no earlier course's.
+
+    A course without that phase is not among them.
+    """
     found: list[str] = []
     for name, course in done.items():
+        if phase not in course.phases:
+            continue
         end = int(np.flatnonzero(course.phases[phase])[-1]) + 1
         if not any(np.array_equal(done[c].truth[:end], course.truth[:end]) for c in found):
             found.append(name)
@@ -200,6 +207,8 @@ def stabilising(scenario: Scenario, w1: float, start: str) -> float:
 
     A steady course. The filter is linear, x_{i+1} = α x_i + β z_i + K_{i+1} z_{i+1} with
     α + β + K_{i+1} = 1, and x_i holds K_i z_i: variance and bias follow without sampling.
+    Where α is nearly -1 (the printed innovation, weight and gain nearly 1), the quotient
+    for ever is 0/0; its limit is the error of one measurement.
 
     Parameters
     ----------
@@ -218,7 +227,9 @@ def stabilising(scenario: Scenario, w1: float, start: str) -> float:
         variance, held, bias = alpha**2 * variance + new * R, gain, alpha * bias
     gain = blended.steady_gain(scenario.q, R)
     alpha, beta = _carried(scenario, w1, gain)
-    rest = (beta**2 + 2 * alpha * beta * gain + gain**2) * R / (1 - alpha**2)
+    rest = R
+    if 1 + alpha > 1e-9:
+        rest = (beta**2 + 2 * alpha * beta * gain + gain**2) * R / (1 - alpha**2)
     return float(np.sqrt((variance + bias**2) / rest))
 
 
