@@ -171,7 +171,7 @@ LEVELS = {
         "epsilon": [2.0, 0.0, 0.3, 1e6],
         "bound_expansions": [20, 1],
         "pairs": [2, 3],
-        "runs": [4, 2],
+        "runs": [4, 3],
         "seed": [0, 2**70],
     },
 }
