@@ -40,7 +40,7 @@ def test_the_name_of_a_checkout_is_looked_for_in_text_and_as_a_whole(root, tmp_p
     demand(book_of(near, **{"text/html": near}))
     for text in (f"{root}", f"in {root}/own.nc", f"'{root}'", f"file={root}\n"):
         for book in (book_of(text), book_of("1", **{"text/plain": text, "image/png": "AA=="})):
-            with pytest.raises(Refused, match="^cell 1 prints a path of this machine$"):
+            with pytest.raises(Refused, match=r"^cell 1 prints a path of this machine$"):
                 demand(book)
             demand(book, portable=False)  # as with PARAMS: a user's own map may be named
 
