@@ -165,9 +165,7 @@ def percentile_estimate(value: float, replicates: np.ndarray, count: int) -> est
     )
 
 
-def rank_stability(
-    scores: dict[str, list[Score]], weights: np.ndarray
-) -> estimates.Estimate | str:
+def rank_stability(scores: dict[str, list[Score]], weights: np.ndarray) -> estimates.Estimate | str:
     """Return Kendall's tau between the paths' order at the least and at the most noise.
 
     Or why there is none: where the map says nothing, the plan is the direct path, and both tie.
