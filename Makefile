@@ -110,8 +110,8 @@ endif
 	$(SEANAV) check
 
 soak: .venv ## any value of any parameter: thousands of cases, every notebook with other ones
-	SEANAV_CASES=2000 $(BIN)/python -m pytest -n 2 --dist load -rP \
-	  tests/studies/test_any_value.py tests/soak/soak_notebooks.py
+	SEANAV_CASES=2000 $(BIN)/python -m pytest -n 2 --dist worksteal -rP \
+	  tests/soak/soak_bytes.py tests/studies/test_any_value.py tests/soak/soak_notebooks.py
 
 lint: .venv ## style, docstrings, types, and who may import whom
 	$(BIN)/ruff check .
