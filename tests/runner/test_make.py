@@ -1,5 +1,6 @@
 """The Makefile and the environment it builds, on tiny checkouts."""
 
+import errno
 import fcntl
 import hashlib
 import json
@@ -449,6 +450,29 @@ def test_no_environment_says_why_in_one_line(root):
     assert "\nno environment: " in done.stderr
     assert "Traceback" not in done.stderr
     assert environment.fault(root) == "there is none that was finished"
+
+
+# As root, whom no permission stops, may meet them too.
+REFUSING = """
+import os, runpy, sys
+
+def hook(event, arguments):
+    if event == "os.mkdir" or (event == "open" and arguments[2] & (os.O_WRONLY | os.O_RDWR)):
+        raise OSError({number}, os.strerror({number}), str(arguments[0]))
+
+sys.addaudithook(hook)
+runpy.run_path("src/seanav/environment.py", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("number", [errno.EROFS, errno.ENOSPC])
+def test_no_environment_on_a_disk_that_takes_nothing(root, number):
+    command = [sys.executable, "-I", "-c", REFUSING.format(number=number)]
+    done = subprocess.run(command, cwd=root, check=False, capture_output=True, encoding="utf-8")
+    assert done.returncode == 1
+    expected = f"no environment: [Errno {number}] {os.strerror(number)}: '{root / 'build'}'\n"
+    assert done.stderr == expected
+    assert not (root / ".venv").exists()
 
 
 # ---------------------------------------------------------------- odd folders
