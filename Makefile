@@ -15,6 +15,10 @@ SEED :=
 GIVEN := $(foreach v,$(.VARIABLES),$(if $(findstring command,$(origin $v)),$v))
 UNKNOWN := $(filter-out PYTHON PAPER QUICK PARAMS SEED,$(GIVEN))
 $(if $(UNKNOWN),$(error unknown: $(UNKNOWN:%=%=...); did you mean PAPER=, QUICK=, PARAMS=, SEED= or PYTHON=?))
+# Of a name that is given twice make keeps the last and tells nobody; its command line does.
+TWICE := $(strip $(shell { tr '\0' '\n' </proc/$$PPID/cmdline || ps -o args= -p $$PPID | tr ' ' '\n'; } \
+  2>/dev/null | sed -n 's/^\([A-Z]*\)[:?+]*=.*/\1/p' | sort | uniq -d))
+$(if $(TWICE),$(error given twice: $(TWICE); several papers are one word: PAPER="2 5"))
 # $(call belongs,VARIABLE,targets): others would silently do without it.
 belongs = $(if $(value $1),$(if $(filter-out $2 .venv,$(MAKECMDGOALS)),$(error $1 belongs to: make $2)))
 $(call belongs,PAPER,figures notebooks confirm)
@@ -106,8 +110,8 @@ endif
 	$(SEANAV) check
 
 soak: .venv ## any value of any parameter: thousands of cases, every notebook with other ones
-	SEANAV_CASES=2000 $(BIN)/python -m pytest -n 2 --dist load -rP \
-	  tests/studies/test_any_value.py tests/soak/soak_notebooks.py
+	SEANAV_CASES=2000 $(BIN)/python -m pytest -n 2 --dist worksteal -rP \
+	  tests/soak/soak_bytes.py tests/studies/test_any_value.py tests/soak/soak_notebooks.py
 
 lint: .venv ## style, docstrings, types, and who may import whom
 	$(BIN)/ruff check .

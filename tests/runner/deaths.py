@@ -1,9 +1,13 @@
 """Die at every file operation of a run, then run again: what must hold at each death.
 
-``python deaths.py CHECKOUT ACTION``, with the checkout of `conftest.finished`. Prints
+``python deaths.py CHECKOUT ACTION [ERROR]``, with the checkout of `conftest.finished`. Prints
 the number of deaths on the last line, and a line for each fault before it.
+
+With ERROR the run does not die: from that operation on the disk is full (ENOSPC) or may only
+be read (EROFS), and the run must end with one line that says so.
 """
 
+import errno
 import hashlib
 import json
 import os
@@ -15,40 +19,66 @@ import nbformat
 import papermill
 
 from seanav import runner
+from seanav.__main__ import main
 
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
 CHANGES = {"os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.utime", "os.truncate", "os.link"}
 
 
-def die_at(number, half_written):
-    """End this process at its operation `number` on a file; return nothing."""
-    count = 0
+# What a full disk still allows; one that may only be read allows no change at all.
+ON_A_FULL_DISK = CHANGES - {"os.mkdir", "os.link"}
 
-    def hook(event, arguments):
-        nonlocal count
-        opened = event == "open" and arguments[2] & WRITING
-        if count < 0 or not (opened or event in CHANGES):
+
+class Disturbed:
+    """What happens at the operation `number` on a file, and from there on if it is an error."""
+
+    def __init__(self, number, half_written, error):
+        self.number, self.half_written, self.error = number, half_written, error
+        self.count, self.busy = 0, False
+        sys.addaudithook(self.hook)
+
+    @property
+    def happened(self):
+        return self.count >= self.number
+
+    def hook(self, event, arguments):
+        opened = event == "open" and arguments[2] & WRITING and arguments[0] != os.devnull
+        if self.busy or not (opened or event in CHANGES):
             return
-        count += 1
-        if count == number:
-            count = -1
-            if half_written and opened:
-                with open(arguments[0], "w", encoding="utf-8") as file:
-                    file.write('{"half')
+        self.count += 1
+        if not self.happened:
+            return
+        if self.half_written and opened and self.count == self.number:
+            self.busy = True
+            with open(arguments[0], "w", encoding="utf-8") as file:
+                file.write('{"half')
+            self.busy = False
+        if not self.error:
             os._exit(9)
+        if self.error == errno.EROFS or event not in ON_A_FULL_DISK:
+            raise OSError(self.error, os.strerror(self.error), str(arguments[0]))
 
-    sys.addaudithook(hook)
 
-
-def dies(number, half_written, action):
+def ends(number, half_written, words):
+    """Run with `words` in a process of its own; return whether it was disturbed, and faults."""
+    said = WORK / "said"
     child = os.fork()
     if child == 0:
-        with open(os.devnull, "w", encoding="utf-8") as nothing:
-            os.dup2(nothing.fileno(), 1)
-        die_at(number, half_written)
-        action()
-        os._exit(0)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
+        with open(said, "wb") as file:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            os.dup2(file.fileno(), 2)
+        disturbed = Disturbed(number, half_written, ERROR)
+        code = main(words)
+        sys.stderr.flush()
+        os._exit(code + 2 * disturbed.happened)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if not ERROR:
+        return code == 9, []
+    text = said.read_text(encoding="utf-8")
+    lines = text.splitlines()
+    told = len(lines) == 1 and os.strerror(ERROR) in lines[0] and lines[0].startswith("9_tiny: ")
+    # Whatever can be done without stays undone without a word: remains of earlier runs.
+    return code != 0, [] if (told if code == 3 else code in (0, 2)) else [f"code {code}: {text}"]
 
 
 def tree(folder):
@@ -130,8 +160,9 @@ def faults_of_a_store(root):
         yield "not stored"
 
 
-ORIGINAL, action = Path(sys.argv[1]), sys.argv[2]
-WORK = ORIGINAL.parent / f"deaths-{action}"
+ORIGINAL, action, *error = Path(sys.argv[1]), *sys.argv[2:]
+ERROR = getattr(errno, error[0]) if error else 0
+WORK = ORIGINAL.parent / "-".join(["deaths", *sys.argv[2:]])
 RULES = (ORIGINAL / "build/stamps/9_tiny.d").read_bytes()
 FRESH = {seed: WORK / f"fresh{seed}" for seed in (1, 2)}
 FRESH[1].mkdir(parents=True)
@@ -144,25 +175,27 @@ STORED = (WORK / "stored/notebooks/9_tiny.ipynb").read_bytes()
 shutil.copytree(FRESH[1] / "9_tiny", ORIGINAL / "build/quick/9_tiny", dirs_exist_ok=True)
 
 papermill.execute_notebook = execute
-do, faults = {
-    "full": (lambda: runner.run(root, "9_tiny"), faults_of_a_full_run),
-    "quick": (lambda: runner.run(root, "9_tiny", quick=True), faults_of_a_quick_run),
-    "store": (lambda: runner.store(root, "9_tiny"), faults_of_a_store),
+words, faults = {
+    "full": (["run"], faults_of_a_full_run),
+    "quick": (["run", "--quick"], faults_of_a_quick_run),
+    "store": (["store"], faults_of_a_store),
 }[action]
 deaths = 0
 terminal = os.dup(1)
-for half_written in (False, True):
+# A full disk takes a part of a file; one that may only be read takes nothing.
+for half_written in {errno.ENOSPC: (True,), errno.EROFS: (False,)}.get(ERROR, (False, True)):
     for number in range(1, 1000):
         root = WORK / f"{number}-{half_written}"
         shutil.copytree(ORIGINAL, root)
-        if not dies(number, half_written, do):
+        ended, found = ends(number, half_written, ["--root", str(root), *words])
+        if not ended:
             break
         deaths += 1
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what the runner prints
         try:
-            found = list(faults(root))
+            found += faults(root)
         except Exception as error:
-            found = [f"{type(error).__name__}: {error}"]
+            found.append(f"{type(error).__name__}: {error}")
         sys.stdout.flush()
         os.dup2(terminal, 1)
         for fault in found:

@@ -1,5 +1,6 @@
 """The Makefile and the environment it builds, on tiny checkouts."""
 
+import errno
 import fcntl
 import hashlib
 import json
@@ -174,6 +175,8 @@ def test_an_own_notebook_is_no_paper(finished):
         (["test", "PARAMS=runs=2"], "PARAMS belongs to: make figures."),
         (["SEED=3"], "SEED belongs to: make confirm."),
         (["confirm"], "make confirm SEED=...: a whole number"),
+        (["PAPER=8", "PAPER=9"], 'given twice: PAPER; several papers are one word: PAPER="2 5".'),
+        (["SEED=3", "PARAMS=a b=1", "QUICK=0", "PARAMS=", "QUICK:=1"], "given twice: PARAMS QUICK"),
         (["test", "PAPER=9"], "PAPER belongs to: make figures notebooks confirm."),
     ],
 )
@@ -198,6 +201,25 @@ def test_yes_is_quick(finished, word):
 def test_no_is_not_quick(finished, word):
     assert planned(finished, f"QUICK={word}") == []
     assert planned(finished, f"QUICK={word}", "PARAMS= ") == []
+
+
+def test_make_without_proc_asks_ps(finished):
+    """As on macOS: the words of a value are not told from those of the command line, names are."""
+    makefile = finished / "Makefile"
+    text = makefile.read_text(encoding="utf-8").replace("/proc/", "/none/")
+    makefile.write_text(text, encoding="utf-8")
+    tools = finished / "tools"
+    tools.mkdir()
+    (tools / "ps").write_text(
+        "#!/bin/sh\necho make figures PAPER=8 b c PAPER=9\n", encoding="utf-8"
+    )
+    (tools / "ps").chmod(0o755)
+    done = make(finished, "help", PATH=f"{tools}:{os.environ['PATH']}")
+    assert done.stderr.startswith("Makefile:")
+    assert "given twice: PAPER;" in done.stderr
+    (tools / "ps").write_text("#!/bin/sh\nexit 127\n", encoding="utf-8")  # there is none
+    done = make(finished, "help", "PAPER=", PATH=f"{tools}:{os.environ['PATH']}")
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_several_papers(finished):
@@ -428,6 +450,29 @@ def test_no_environment_says_why_in_one_line(root):
     assert "\nno environment: " in done.stderr
     assert "Traceback" not in done.stderr
     assert environment.fault(root) == "there is none that was finished"
+
+
+# As root, whom no permission stops, may meet them too.
+REFUSING = """
+import os, runpy, sys
+
+def hook(event, arguments):
+    if event == "os.mkdir" or (event == "open" and arguments[2] & (os.O_WRONLY | os.O_RDWR)):
+        raise OSError({number}, os.strerror({number}), str(arguments[0]))
+
+sys.addaudithook(hook)
+runpy.run_path("src/seanav/environment.py", run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("number", [errno.EROFS, errno.ENOSPC])
+def test_no_environment_on_a_disk_that_takes_nothing(root, number):
+    command = [sys.executable, "-I", "-c", REFUSING.format(number=number)]
+    done = subprocess.run(command, cwd=root, check=False, capture_output=True, encoding="utf-8")
+    assert done.returncode == 1
+    expected = f"no environment: [Errno {number}] {os.strerror(number)}: '{root / 'build'}'\n"
+    assert done.stderr == expected
+    assert not (root / ".venv").exists()
 
 
 # ---------------------------------------------------------------- odd folders

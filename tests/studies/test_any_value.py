@@ -7,6 +7,7 @@ and tiny numbers, empty, long, unsorted and repeated lists. A hundred cases a pa
 
 import math
 import os
+import random
 import warnings
 from collections.abc import Callable
 from typing import NamedTuple
@@ -14,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from bounded import limit
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
 from seanav.checks import ParameterError
@@ -31,7 +32,9 @@ from seanav.studies.ito_filter import scenario as ito
 from seanav.studies.neural_estimator import run as neural_run
 from seanav.studies.neural_estimator import scenario as neural
 
+SOAK = "SEANAV_CASES" in os.environ
 CASES = int(os.environ.get("SEANAV_CASES", "100"))
+PART = 250  # cases of one test: parts that several processes can share out evenly
 SECONDS = 120  # that a case may take on a busy machine; on a quiet one it takes a fraction of one
 
 # ---------------------------------------------------------------- values
@@ -220,22 +223,34 @@ def outcome(study, changes):
     return "refused"
 
 
+def parts(cases):
+    """Return how many cases each test of a paper takes, `cases` together."""
+    return [min(PART, cases - first) for first in range(0, cases, PART)]
+
+
+@pytest.mark.parametrize("part", range(len(parts(CASES))))
 @pytest.mark.parametrize("paper", STUDIES)
-def test_any_value_runs_or_is_refused_in_one_line(paper):
-    study, counts = STUDIES[paper], {"run": 0, "refused": 0}
+def test_any_value_runs_or_is_refused_in_one_line(paper, part):
+    study, counts, cases = STUDIES[paper], {"run": 0, "refused": 0}, parts(CASES)[part]
     study.run(study.scenario(**study.small))  # derives and compiles what the time limit is not for
+    own = random.SystemRandom().getrandbits(64) if SOAK else 0  # each part with other numbers
 
     @settings(
-        max_examples=CASES,
-        derandomize="SEANAV_CASES" not in os.environ,
+        max_examples=cases,
         database=None,
         deadline=None,
         suppress_health_check=list(HealthCheck),
     )
+    @seed(own)
     @given(chosen(study))
     def case(changes):
         counts[outcome(study, changes)] += 1
 
+    print(f"paper {paper}, part {part}: seed {own}")
     case()
-    print(f"paper {paper}: {counts}")
-    assert min(counts.values()) > CASES // 10, counts
+    print(f"paper {paper}, part {part}: {counts}")
+    assert min(counts.values()) > cases // 10, counts
+
+
+def test_parts_are_all_cases():
+    assert [parts(n) for n in (100, 250, 700)] == [[100], [250], [250, 250, 200]]

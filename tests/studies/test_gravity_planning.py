@@ -211,6 +211,20 @@ def test_rank_stability_is_one_for_one_order_and_minus_one_for_the_opposite():
     assert scores.rank_stability(rows, weights).high == -1.0
 
 
+def test_paths_that_tie_have_no_order():
+    # The plan is the direct path where the map says nothing: tau would be 0/0.
+    weights = scores.resamples(Scenario(runs=5))
+    squared = np.arange(1.0, 21.0).reshape(5, 4)
+    row = [score_of(squared), score_of(2 * squared)]
+    assert scores.rank_stability({"Planned": row, "Direct": row}, weights) == scores.TIE
+    assert scores.rank_agreement(np.ones(2), np.array([1.0, 2.0])) == scores.TIE
+    # Two paths that differ in one run alone: a resample without it ties, the paths do not.
+    other = squared.copy()
+    other[0] *= 2
+    rows = {"Planned": row, "Direct": [score_of(other), score_of(2 * other)]}
+    assert scores.rank_stability(rows, weights).low == 1.0
+
+
 @pytest.mark.parametrize(("reading", "expected"), [("absolute", 0.02), ("relative", np.log(2 / 3))])
 def test_growth_of_the_gain(reading, expected):
     # sums of RMSE: planned 10 then 30, direct 20 then 40 … absolute gain 10 → 10 + 20

@@ -66,6 +66,8 @@ CASES = {
         "sigma_filter": [0.5, 0.1],
         "sigma_true": [0.7, 0.3],
         "trajectory": "straight",
+        "speed_kn": 0.1,
+        "gyro_bias_deg_h": 1e-6,
         "initial_current": "stationary",
         "fading_cap": 1e6,
     },

@@ -12,6 +12,7 @@ from seanav.models.units import KM, MGAL
 from seanav.studies.gravity_planning.scenario import Scenario
 
 FEWEST = 30  # runs from which on five coefficients can be fitted to them
+TIE = "the paths are equally good: there is no order of them"
 
 
 def without_matched(statistic: estimates.Statistic, initial: np.ndarray) -> estimates.Statistic:
@@ -164,8 +165,11 @@ def percentile_estimate(value: float, replicates: np.ndarray, count: int) -> est
     )
 
 
-def rank_stability(scores: dict[str, list[Score]], weights: np.ndarray) -> estimates.Estimate:
-    """Return Kendall's tau between the paths' order at the least and at the most noise."""
+def rank_stability(scores: dict[str, list[Score]], weights: np.ndarray) -> estimates.Estimate | str:
+    """Return Kendall's tau between the paths' order at the least and at the most noise.
+
+    Or why there is none: where the map says nothing, the plan is the direct path, and both tie.
+    """
     ends = []
     for level in (0, -1):
         squared = [row[level].squared for row in scores.values()]
@@ -173,8 +177,11 @@ def rank_stability(scores: dict[str, list[Score]], weights: np.ndarray) -> estim
         totals = [row[level].total.value for row in scores.values()]
         ends.append((np.array(totals), np.array(replicates).T))
     tau = kendalltau(ends[0][0], ends[1][0]).statistic
+    if np.isnan(tau):
+        return TIE
     each = [kendalltau(a, b).statistic for a, b in zip(ends[0][1], ends[1][1], strict=True)]
-    return percentile_estimate(tau, np.array(each), weights.shape[1])
+    known = [one for one in each if not np.isnan(one)]  # a resample may tie, too
+    return percentile_estimate(tau, np.array(known), weights.shape[1])
 
 
 def minimum_km(one: Score, weights: np.ndarray) -> estimates.Estimate:
@@ -208,9 +215,10 @@ def contour_density(
     return lengths.ravel() * chart.spacing, blocks.ravel()
 
 
-def rank_agreement(a: np.ndarray, b: np.ndarray) -> estimates.Estimate:
-    """Return Kendall's tau between two orders of the same paths; no sampling, an exact number."""
-    return estimates.exact(kendalltau(a, b).statistic)
+def rank_agreement(a: np.ndarray, b: np.ndarray) -> estimates.Estimate | str:
+    """Return Kendall's tau between two orders of the same paths, exact; or that they tie."""
+    tau = kendalltau(a, b).statistic
+    return TIE if np.isnan(tau) else estimates.exact(tau)
 
 
 def rank_correlation(a: np.ndarray, b: np.ndarray) -> estimates.Estimate:
