@@ -219,8 +219,8 @@ def modes(sea: Sea, names: Sequence[str], chains: Mapping[str, str]) -> list[Con
     for p, end in chains.items():
         for name in names:
             for low, high in pairwise(flown.grid):
-                pair = (name + end, high), (name + end, low)
-                fall = methodcaller("score", scores.mode_difference, *pair)
+                ends = (name + end, high), (name + end, low)
+                fall = methodcaller("score", scores.mode_difference, *ends)
                 what = f"change of μ₁ of {name}, {p}, from {low:g} to {high:g} m/s"
                 found.append(flown.tested(what, fall, high=0.0, group="μ₁ falls"))
         for sigma, sign in {flown.grid[0]: 1, flown.grid[-1]: -1}.items():
