@@ -676,11 +676,19 @@ def test_first_measurement_correlates_velocity_and_current_as_two_numbers():
 
 def test_the_optimal_filter_is_optimal_where_its_model_is_the_truth():
     model = attrs.evolve(SHORT, initial_current="stationary", initial_errors="drawn")
-    losses = [
-        c.estimate.value for c in conditions.suboptimal([conditions.Sea(model, Flown((), {}))])
-    ]
-    assert len(losses) == 11 * 3 - 3
-    assert min(losses) > 1
+    sea = conditions.Sea(model, Flown((), {}))
+    wrong = conditions.suboptimal([sea])
+    assert len(wrong) == 11 * 3 - 3
+    assert {c.outcome for c in wrong} == {"holds"}
+    assert min(c.estimate.value for c in wrong) > 1
+    rising = conditions.deteriorates([sea])
+    assert len(rising) == 11 - 1
+    assert {c.outcome for c in rising} == {"holds"}
+    more = conditions.wrong_time([sea], (0.5, 1.0, 2.0), SIGMA)
+    assert len(more) == 2
+    for c, factor in zip(more, (0.5, 2.0), strict=True):
+        by_sigma, by_time = conditions.losses(model, factor, SIGMA)
+        assert (c.estimate.value, c.low) == (by_sigma / by_time, 1.0)
     assert conditions.losses(SHORT, 1.0, SIGMA) == (1.0, 1.0)
     assert min(conditions.losses(model, 3.0, SIGMA)) > 1
     three = conditions.Sea(attrs.evolve(SHORT, log_axes=3), Flown((), {}))
@@ -695,6 +703,12 @@ def test_the_two_regions_of_an_exchanged_pair_have_their_signs(monkeypatch):
     assert {c.outcome for c in exact} == {"holds"}
     below = conditions.worse_than_pure([sea])
     assert {c.outcome for c in below} == {"fails"}
+    literal = [c.what for c in below if c.group.endswith("“>”")]
+    assert [w.split("EKF ")[1].split(" m/s")[0] for w in literal[:2]] == [
+        "0.1 at 0.2",
+        "0.1 at 0.3",
+    ]
+    assert len(literal) == 9 + 5
     much = [c.what for c in below if c.group.endswith("times")]
     assert [w.split(" at ")[1].split(" m/s")[0] for w in much] == ["1", "5", "10"]
 
