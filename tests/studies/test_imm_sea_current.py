@@ -752,7 +752,7 @@ def _sea(tcep, modes=lambda name, sigma: 0.5):
 
     def flight(size, mode):
         means = np.zeros((10, 2))
-        means[:2] = (size / 0.589 / 2 * runs) ** 2
+        means[:5] = (size / 0.589 / 2 * runs) ** 2  # position, velocity and attitude alike
         found = _flight(means)
         return found._replace(mode_probability=np.array([mode * runs, 1 - mode * runs]))
 
@@ -812,6 +812,32 @@ def test_conditions_hold_in_a_sea_where_the_claim_is_true_and_fail_in_its_mirror
 
 def _swap(name):
     return name[2:] if name.startswith("AF") else f"AF{name}"
+
+
+def test_conditions_of_the_tables_hold_where_the_tables_are_true_and_fail_in_the_mirror():
+    true, false = _sea(_true_sea), _sea(lambda n, s: 900.0 - _true_sea(n, s))
+    for test in (tables.best_and_worst, lambda seas: tables.discrepancy(seas, CHAINS)):
+        assert {c.outcome for c in test([true])} == {"holds"}
+        assert {c.outcome for c in test([false])} == {"fails"}
+    # The printed position errors themselves, and with one filter twice as good.
+
+    def as_printed(better):
+        def tcep(name, sigma):
+            table = 2 if sigma == printed.SIGMA[2] else 3
+            cells = printed.CELLS[table].get(name.partition(" p=")[0], (300.0,))
+            return cells[0] * (better if name.startswith("AFEKF 0.1") else 1.0)
+
+        found = tables.ratios([_sea(tcep)], CHAINS)
+        return {c.what: c.estimate.value / math.sqrt(c.low * c.high) for c in found}
+
+    assert list(as_printed(1.0).values()) == pytest.approx([1.0] * len(as_printed(1.0)))
+    for what, off in as_printed(0.5).items():
+        assert off == pytest.approx(0.5 if ": AFEKF 0.1 over" in what else 1.0), what
+
+
+def test_standard_error_at_the_runs_of_the_paper():
+    four_times = estimates.Estimate(1.0, 0.9, 1.1, 0.05, 400)
+    assert tables.paper_se(four_times, 400) == pytest.approx(0.1)
 
 
 def test_open_conditions_have_more_runs_and_decided_ones_do_not():
