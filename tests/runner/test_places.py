@@ -15,7 +15,7 @@ from seanav.runner.run import _demand_complete
 
 # ---------------------------------------------------------------- a path of this machine
 
-SHORT = [Path("/src"), Path("/git"), Path("/lab"), Path("/srv/a/build")]
+SHORT = [Path("/src"), Path("/git"), Path("/lab"), Path("/data/build")]
 
 
 def book_of(text, **data):

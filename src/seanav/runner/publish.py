@@ -151,8 +151,11 @@ def store(root: Path, stem: str) -> list[int]:
             cell.outputs = [output for output in cell.outputs if output.get("name") != "stderr"]
     text = nbformat.writes(book) + "\n"
     if text != path.read_text(encoding="utf-8"):
-        # The outputs are new, the code is not: make need not run it again.
-        write(path, text, times=(stamp.stat().st_mtime_ns,) * 2)
+        try:
+            # The outputs are new, the code is not: make need not run it again.
+            write(path, text, times=(stamp.stat().st_mtime_ns,) * 2)
+        except OSError as error:
+            raise Refused(f"{stem}: {error}") from error
     return warned
 
 
