@@ -128,6 +128,17 @@ def test_missing_values_beside_the_window(tmp_path, fills, kind):
     check(from_file(path, *HERE, variable="z"), tolerance_mgal=0.7)
 
 
+def test_what_was_never_written_is_absent_though_no_attribute_says_so(tmp_path):
+    # NetCDF's own fill value of the type, which a file need not state.
+    def punch(values):
+        values = values.copy()
+        values[48, 56] = netCDF4.default_fillvals["f8"]
+        return values
+
+    path = regional_netcdf(tmp_path / "a.nc", change=punch)
+    refused(path, "must have a value at every node of the window; z lacks 1$")
+
+
 def test_fill_value_in_single_precision(tmp_path):
     # -999.9 is another number there, and stays undeclared if it is compared in double.
     def punch(values):
