@@ -231,7 +231,7 @@ def test_description_that_is_the_number_of_another_band_is_ambiguous(tmp_path):
     message = "must be unambiguous: band 1 of .* is described as '3'$"
     refused(path, message, parameter="map_variable", variable="3")
     # Such a description is no name that could be offered: band 1 is called by its number.
-    refused(path, "must name one of '1', '2', '3': ", parameter="map_variable")
+    refused(path, "must name one of '1', '2', '9': ", parameter="map_variable")
     check(from_file(path, *HERE, variable="2"))
 
 

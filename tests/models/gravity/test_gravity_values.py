@@ -128,6 +128,17 @@ def test_missing_values_beside_the_window(tmp_path, fills, kind):
     check(from_file(path, *HERE, variable="z"), tolerance_mgal=0.7)
 
 
+def test_what_was_never_written_is_absent_though_no_attribute_says_so(tmp_path):
+    # NetCDF's own fill value of the type, which a file need not state.
+    def punch(values):
+        values = values.copy()
+        values[48, 56] = netCDF4.default_fillvals["f8"]
+        return values
+
+    path = regional_netcdf(tmp_path / "a.nc", change=punch)
+    refused(path, "must have a value at every node of the window; z lacks 1$")
+
+
 def test_fill_value_in_single_precision(tmp_path):
     # -999.9 is another number there, and stays undeclared if it is compared in double.
     def punch(values):
@@ -289,6 +300,16 @@ def test_seamount_has_no_outlier(depth, shift):
     y, x = np.mgrid[-20:21, -20:21] - shift
     values = 250 * (1 + (x**2 + y**2) / depth**2) ** -1.5
     assert not quality.outliers(values)[0].any()
+
+
+def test_a_quiet_patch_of_a_rough_map_is_held_against_the_map():
+    # Its nodes are still to a hundredth of what is usual: a knoll of 8 mGal there is none here.
+    values = np.random.default_rng(2).normal(0, 20, (60, 60))
+    values[20:35, 20:35] *= 0.01
+    quiet = values[20:35, 20:35].copy()
+    quiet[7, 7] = values[27, 27] = 8.0
+    assert not quality.outliers(values)[0].any()
+    assert np.argwhere(quality.outliers(quiet)[0]).tolist() == [[7, 7]]  # alone, it is one
 
 
 def test_misfit_is_the_distance_from_the_neighbours_least_squares_surface():
