@@ -118,7 +118,7 @@ def _main(everything):
     lines = [_row(head), "|---" * len(head) + "|"]
     for claims in everything.values():
         for number, claim in claims.items():
-            if claim["main"]:
+            if claim.get("main"):  # results of an older checkout do not say
                 _, words, _, verdict, number_, _ = _cells("", number, claim)
                 lines.append(_row((number, words, verdict, number_)))
     return lines
