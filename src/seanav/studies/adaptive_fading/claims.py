@@ -182,7 +182,7 @@ CLAIMS = (
         "corrective influence of innovation sequence",
         section="section III.B.1",
         reading="After the fault the trace of H K is larger in a fading filter than in the optimal "
-        "one, and not so before it, within a hundredth (ours)",
+        "one",
     ),
     Claim(
         number="3.22",

@@ -17,7 +17,7 @@ from seanav.studies.imm_sea_current.scenario import Scenario
 
 LANES = ins.LANES  # runs per batch; fixed, so threads do not matter
 
-KEPT = 16  # batches whose sensors are kept for the next study: 150 MB at two hours
+KEPT = 32  # batches whose sensors are kept for the next study: 300 MB at two hours
 SHARES = 4  # of the jobs: so many tasks for each batch keep all processors busy to the end
 
 
