@@ -298,7 +298,6 @@ ROWS = [
     Row(paths.inside, {"points": _BENT, "extent": np.ones(2)}, free=(("points", 0),)),
     Row(paths.displaced, {"points": _BENT, "amplitude": 0.5}, free=(("points", 0),)),
     Row(kalman.run, _kalman()),
-    Row(linear_covariance.steady_covariance, _pick(_kalman(), "Phi", "H", "Q", "R")),
     Row(kalman.nees, {"errors": _random(3, 4, 2), "P": np.ones((3, 4, 1, 1)) * np.eye(2)}),
     Row(
         continuous_discrete.update,

@@ -6,9 +6,10 @@ from filterpy.kalman import KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
+from steady import steady_covariance
 
 from seanav.checks import ParameterError
-from seanav.filters import kalman, linear_covariance
+from seanav.filters import kalman
 from seanav.models import vehicles
 
 
@@ -77,7 +78,7 @@ def test_equals_batch_least_squares_on_twenty_steps():
 def test_covariance_settles_at_the_riccati_solution():
     problem, _ = example(steps=400, m=2)
     Phi, _, H, Q, R = problem[:5]
-    before, after = linear_covariance.steady_covariance(Phi, H, Q, R)
+    before, after = steady_covariance(Phi, H, Q, R)
     track = kalman.run(*problem)
     np.testing.assert_allclose(track.P[0, -1], after, rtol=1e-8)
     np.testing.assert_allclose(Phi @ track.P[0, -2] @ Phi.T + Q, before, rtol=1e-8)
@@ -120,22 +121,6 @@ def test_nees_is_the_quadratic_form():
         found = kalman.nees(e, P)
         assert np.isnan(found[1, 2])
         assert np.isfinite(np.delete(found.ravel(), 1 * 5 + 2)).all()
-
-
-@pytest.mark.parametrize("factor", [1e-20, 1e-6, 1e20])
-def test_steady_state_has_no_unit(factor):
-    Phi = vehicles.steering().discretise(0.2)[0]
-    H, Q, R = np.eye(3), 1e-5 * np.eye(3), 1e-4 * np.eye(3)
-    one = linear_covariance.steady_covariance(Phi, H, Q, R)
-    other = linear_covariance.steady_covariance(Phi, H, factor * Q, factor * R)
-    for a, b in zip(one, other, strict=True):
-        np.testing.assert_allclose(b, factor * a, rtol=1e-9)
-
-
-def test_a_steady_state_that_rounding_hides_is_refused():
-    Phi, H = np.diag([0.5, 1.0]), np.eye(2)
-    with pytest.raises(ParameterError, match="there is no steady state"):
-        linear_covariance.steady_covariance(Phi, H, 1e-20 * np.eye(2), 1e6 * np.eye(2))
 
 
 @settings(max_examples=25, deadline=None)

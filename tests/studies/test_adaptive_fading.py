@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.linalg import solve_discrete_lyapunov
+from steady import steady_covariance
 
 from seanav import estimates
 from seanav.checks import ParameterError
-from seanav.filters import adaptive, linear_covariance
+from seanav.filters import adaptive
 from seanav.studies.adaptive_fading import beyond, run, scores
 from seanav.studies.adaptive_fading.scenario import Scenario
 
@@ -139,7 +140,7 @@ def test_healthy_errors_of_fixed_filters_are_those_of_linear_covariance(outcomes
     # filter believes in: its covariance solves a Lyapunov equation.
     case, _, results = outcomes
     for name, scale in (("OKF", 1.0), ("larger Q", SMALL.larger_Q)):
-        before, _ = linear_covariance.steady_covariance(case.Phi, case.H, scale * case.Q, case.R)
+        before, _ = steady_covariance(case.Phi, case.H, scale * case.Q, case.R)
         K = before @ case.H.T @ np.linalg.inv(case.H @ before @ case.H.T + case.R)
         A = np.eye(3) - K @ case.H
         driven = A @ case.Q @ A.T + K @ case.R @ K.T
@@ -296,7 +297,7 @@ def test_right_side_of_24_is_the_innovations_mean_square_in_health():
     seen = (track.innovation[:, case.healthy] ** 2).sum(axis=2)
     assert told.mean() == pytest.approx(seen.mean(), rel=0.03)
     # The sum of three squares that the steady covariance gives, by an independent solver.
-    P, _ = linear_covariance.steady_covariance(case.Phi, case.H, case.Q, case.R)
+    P, _ = steady_covariance(case.Phi, case.H, case.Q, case.R)
     assert told[0, -1] == pytest.approx(np.trace(case.H @ P @ case.H.T + case.R), rel=1e-6)
 
 
@@ -315,7 +316,7 @@ def test_optimal_filter_under_rougher_noise_errs_as_linear_covariance_says():
     rows = dict(beyond.changed_noise(SMALL, factor))
     P = []
     for scale in (1.0, factor):  # what the filter believes; the truth has the factor
-        before, _ = linear_covariance.steady_covariance(case.Phi, case.H, scale * case.Q, case.R)
+        before, _ = steady_covariance(case.Phi, case.H, scale * case.Q, case.R)
         K = before @ case.H.T @ np.linalg.inv(case.H @ before @ case.H.T + case.R)
         A = np.eye(3) - K @ case.H
         driven = A @ (factor * case.Q) @ A.T + K @ case.R @ K.T

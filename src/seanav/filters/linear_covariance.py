@@ -10,10 +10,9 @@ Press, 1979, section 6.8.
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
 
 from seanav._compile import kernel
-from seanav.checks import ParameterError, array, covariance, number
+from seanav.checks import array, covariance, number
 
 
 @kernel
@@ -134,36 +133,3 @@ def _checked(
     Q = array("Q", Q, ("states",), sizes, at_least=0)
     H = array("H", H, ("steps", "states"), sizes)
     return Phi, Q, H, covariance(name, start, len(Q))
-
-
-def steady_covariance(
-    Phi: ArrayLike, H: ArrayLike, Q: ArrayLike, R: ArrayLike
-) -> tuple[np.ndarray, ...]:
-    """Return the steady covariances before and after a measurement, (n, n) each.
-
-    Solution of the discrete Riccati equation.
-
-    Parameters
-    ----------
-    Phi, H, Q, R
-        As for `seanav.filters.kalman.run`.
-
-    Raises
-    ------
-    seanav.checks.ParameterError
-        As for `seanav.filters.kalman.run`, and if no steady state exists: the pair (Phi, H)
-        must be detectable, and Q must reach every mode that does not decay, by more than
-        rounding.
-    """
-    sizes = {}
-    Phi = array("Phi", Phi, ("states", "states"), sizes)
-    H = array("H", H, ("measurements", "states"), sizes)
-    Q, R = covariance("Q", Q, len(Phi)), covariance("R", R, len(H), definite=True)
-    scale = np.trace(R)  # the solver has tolerances that know no unit
-    try:
-        before = scale * linalg.solve_discrete_are(Phi.T, H.T, Q / scale, R / scale)
-    except (np.linalg.LinAlgError, ValueError):  # the latter where it nearly is not
-        allowed = "must be detectable through H and driven by Q: there is no steady state"
-        raise ParameterError("Phi", Phi.tolist(), allowed) from None
-    gain = np.linalg.solve(H @ before @ H.T + R, H @ before).T
-    return before, before - gain @ H @ before
