@@ -853,6 +853,13 @@ def test_open_conditions_have_more_runs_and_decided_ones_do_not():
     assert set(counts.values()) == {4, 16}
     for one, other, expected in zip(before, after, direct, strict=True):
         assert other.estimate == (expected if one.outcome == "undecided" else one).estimate
+    # Where a rate is least is known only if all points were flown with as many runs.
+    assert sea.flown.longer.least("AFEKF 0.1") is None
+    direct = Flown(few.sigma_true, many)
+    for c in conditions.longer(conditions.fading_is_robust, sea):
+        names = [f"{kind} {c.group.split()[2]}" for kind in ("AFEKF", "EKF")]
+        flown = direct if c.counts and c.estimate.count == 16 else sea.flown
+        assert c.estimate == flown.least_difference(*names)
     none = attrs.evolve(few, more_runs=1)
     same = conditions.longer(conditions.fading_below, conditions.Sea(none, sea.flown))
     assert [c.what for c in same] == [c.what for c in after]

@@ -171,7 +171,8 @@ _FIRST_SECTIONS = (
         number="4.20",
         quote="it inflates a priori covariance but does not particularly adjust the Kalman gain",
         section="section 3.1",
-        reading="an AFEKF with (17) as it is written, γ = β, navigates better than without the log",
+        reading="an AFEKF with (17) as it is written, where the factor γ inflates P and leaves the "
+        "gain as it is, navigates better than without the log",
         shown=("table_B1",),
     ),
     Claim(
@@ -179,8 +180,8 @@ _FIRST_SECTIONS = (
         quote="since the conversion between sea current models does not occur frequently, T = […] "
         "is set",
         section="section 4.1",
-        reading="at one step a second the matrix keeps a model for as long as T_c at least "
-        "(T_c is our measure)",
+        reading="at one step a second the matrix (damaged in our copy) keeps a model for T_c, two "
+        "hours, at least (T_c is our measure)",
     ),
 )
 

@@ -260,13 +260,7 @@ def robust(sea: Sea, names: Sequence[str], chains: Mapping[str, str]) -> list[Co
 
 
 def _least(flown, what, name, other, group):
-    # The least rate of one filter beyond that of another, each where it is least.
-    places = {one: flown.least(one) for one in (name, other)}
-    for one, sigma in places.items():
-        if sigma is None:
-            why = "diverged" if one in flown.results else "was not run"
-            return condition(what, f"{one} {why}", 0.0, **POINTS, group=group)
-    number = methodcaller("between", scores.rate_difference, *places.items())
+    number = methodcaller("least_difference", name, other)
     return flown.tested(what, number, 0.0, **POINTS, group=group)
 
 

@@ -106,6 +106,20 @@ class Flown:
         found = {s: rate.value for s, rate in rates.items() if not isinstance(rate, str)}
         return min(found, key=found.__getitem__) if found else None
 
+    def least_difference(self, name: str, other: str) -> Estimate | str:
+        """Return the least rate of one filter less that of another, each where it is least."""
+        places = {one: self.least(one) for one in (name, other)}
+        for one, sigma in places.items():
+            if sigma is None:
+                why = "diverged" if one in self.results else "was not run"
+                return f"{one} {why}"
+        return self.between(scores.rate_difference, *places.items())
+
+    def sharpest_rate(self, name: str, sigma: float) -> Estimate | str:
+        """Return the TCEP rate with the most runs that were flown, exact TCEPs as controls."""
+        longer = self.longer.sharp_rate(name, sigma)
+        return longer if isinstance(longer, Estimate) else self.sharp_rate(name, sigma)
+
     def versus(self, name: str, other: str, sigma: float) -> Estimate | str:
         """Return the ratio of two TCEPs on the same runs."""
         return self.score(scores.tcep_ratio, (name, sigma), (other, sigma))
@@ -126,7 +140,8 @@ class Longer(Flown):
     """
 
     def __init__(self, flown: Flown):
-        self.grid, self.exact, self.asked = flown.grid, flown.exact, {}
+        self.grid, self.exact, self.results = flown.grid, flown.exact, flown.results
+        self.asked: dict[tuple[str, float], None] = {}
         self._fewer, self._flights = flown, {}
 
     def flight(self, name: str, sigma: float) -> Any:
@@ -134,9 +149,16 @@ class Longer(Flown):
         if name == PURE:
             sigma = self.grid[0]  # it does not hang on the current
         found = self._flights.get((name, sigma))
-        if found is None and self._fewer.flight(name, sigma) is not None:
+        if found is None and super().flight(name, sigma) is not None:
             self.asked[name, sigma] = None
         return found
+
+    def least(self, name: str) -> float | None:
+        """Return as `Flown.least`; None as long as a point of the grid is still to be flown."""
+        rates = {s: self.sharp_rate(name, s) for s in self.grid}
+        fewer = {s: self._fewer.sharp_rate(name, s) for s in self.grid}
+        lacking = any(isinstance(rates[s], str) > isinstance(fewer[s], str) for s in self.grid)
+        return None if lacking else super().least(name)
 
     def fly(self, fly: Callable) -> None:
         """Get what was asked for from ``fly(list of (name, sigma))``."""
