@@ -226,3 +226,18 @@ def test_agreement_of_exact_and_of_diverged_numbers():
 def test_one_claim_of_each_paper_is_its_main_one(study):
     claims = importlib.import_module(f"seanav.studies.{study}.claims").CLAIMS
     assert [claim.stated for claim in claims if claim.main] == [True]
+
+
+def test_a_number_is_shown_with_as_many_digits_as_tell_it_from_the_end_of_its_region():
+    near = Estimate(1.00021, 1.00002, 1.0004, 1e-4, 9)
+    assert Condition("near", near, low=1.0).shown == "1.00021 [1.00002, 1.00040]"
+    assert Condition("far", near, low=2.0).shown == "1.00 [1.00, 1.00]"
+    assert Condition("equal", exact(1.0), low=1.0).shown == "1.00"
+    assert Condition("closer", exact(1.0 + 1e-12), low=1.0).shown == "1.00000"
+
+
+def test_a_condition_that_its_value_decides_says_so():
+    assert Condition("x", exact(1.0), 0.5, 2.0).claimed == "at least 0.500 and at most 2.00"
+    found = agreement("x", 1.0, Estimate(1.1, 0.9, 1.3, 0.1, 9))
+    assert found.claimed.endswith("(the value alone)")
+    assert found.outcome == "holds"

@@ -136,13 +136,24 @@ class Condition:
         """The region in words."""
         low = f"at least {significant(self.low)}" if math.isfinite(self.low) else ""
         high = f"at most {significant(self.high)}" if math.isfinite(self.high) else ""
-        return " and ".join(filter(None, (low, high))) or "any value"
+        words = " and ".join(filter(None, (low, high))) or "any value"
+        return f"{words} (the value alone)" if self.point else words
 
     @property
     def shown(self) -> str:
-        """The number with interval and unit, or why there is none."""
-        number = self.estimate if isinstance(self.estimate, str) else significant(self.estimate)
-        return f"{number} {self.unit}".rstrip()
+        """The number with interval and unit, or why there is none.
+
+        With as many digits as tell its ends from those of the region, but no more than six.
+        """
+        if isinstance(self.estimate, str) or self.estimate.diverged:
+            number = self.estimate if isinstance(self.estimate, str) else significant(self.estimate)
+            return f"{number} {self.unit}".rstrip()
+        ours = (self.estimate.value, self.estimate.low, self.estimate.high)
+        near = [(x, end) for x in ours for end in (self.low, self.high) if x != end]
+        digits = 3
+        while digits < 6 and any(float(significant(x, digits)) == end for x, end in near):
+            digits += 1
+        return f"{significant(self.estimate, digits)} {self.unit}".rstrip()
 
     def __str__(self):
         return line(_stored(self))

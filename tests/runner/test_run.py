@@ -126,7 +126,7 @@ def test_full_run_publishes_everything(finished):
     assert entry["packages"]["numpy"].startswith("2.")
     report = (figures / "REPORT.md").read_text(encoding="utf-8")
     assert "Of 1 claims: 1 reproduced, 0 mixed" in report
-    assert "Printed numbers that ours agree with: 1 of 1." in report
+    assert "that agree within two standard errors of both: 1 of 1." in report
     row = (
         r"| 9.1 | “the mean \| is positive” | the mean is at least 0 | **reproduced**: 1 of 1 hold"
     )

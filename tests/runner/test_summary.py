@@ -87,7 +87,7 @@ def test_the_report_says_verdict_counts_decisive_number_and_links(report):
     assert top[0].startswith(r"| 9.2 | “a claim \| of mixed” | **mixed**: 1 of 2 hold, 1 fail")
     assert top[1] == ""
     assert "- north: 1 of 1 hold, 0 fail, 0 undecided" in report
-    assert "agree with: 1 of 2. 1 differ: another map" in report
+    assert "of both: 1 of 2. 1 differ: another map" in report
     assert "rest on one seed" in report
     assert report.count("<details>") == report.count("</details>") == 6
 

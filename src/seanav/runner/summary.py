@@ -33,7 +33,9 @@ OF_OUTCOMES = {"holds": "reproduced", "fails": "not reproduced", "undecided": "u
 HOW = """A claim is tested as conditions: a number, and the region in which it must lie if the
 claim is true, fixed before the full run. The region is our reading of the paper's words; where
 they name no number, the threshold is ours, and the reading says so. A condition holds if the whole
-95 % interval lies in the region, fails if it lies outside, and is undecided otherwise. A claim is
+95 % interval lies in the region, fails if it lies outside, and is undecided otherwise. Where two
+numbers are claimed to agree, the region already holds the sampling errors of both, and the value
+alone decides. A claim is
 **reproduced** if all conditions hold, **not reproduced** if some fail and none holds, **mixed** if
 some hold and some fail (the groups say where), **undecided** if none fails but some are undecided,
 and **cannot be tested** if no condition counts. What decides is the worst condition.
@@ -176,7 +178,10 @@ def _deviations(path):
     agree = sum(row["agrees"] == "true" for row in rows)
     why = Counter(row["why"] or "not known" for row in rows if row["agrees"] != "true")
     reasons = "; ".join(f"{count} differ: {reason}" for reason, count in why.items())
-    lines = [f"Printed numbers that ours agree with: {agree} of {len(rows)}. {reasons}".rstrip()]
+    lines = [
+        f"Comparisons of printed numbers with ours that agree within two standard errors of both: "
+        f"{agree} of {len(rows)}. {reasons}".rstrip()
+    ]
     lines += ["", "<details><summary>Printed numbers and ours</summary>", ""]
     lines += [
         "| where | printed | ours | interval | agrees | why not |",

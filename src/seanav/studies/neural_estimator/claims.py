@@ -35,7 +35,7 @@ CLAIMS = (
         "hidden layer (100 neurons) and the output layer",
         section="section 5",
         reading="No other hidden size has a smaller RMSE where the network is of any use: where "
-        "it beats no filter.",
+        "it beats the measurement itself.",
         stated=False,
         shown=("table_4", "figure_B2"),
     ),
@@ -53,8 +53,8 @@ CLAIMS = (
         quote="A variant was also examined, where the teaching sequence is exchanged with network "
         "outputs. This variant was called network self-learning",
         section="section 3",
-        reading="It works: the self-taught network beats the frozen one and no filter, where a "
-        "network is of any use.",
+        reading="It works: the self-taught network beats the frozen one and the measurement "
+        "itself, where a network is of any use.",
         stated=False,
         shown=("table_1", "table_2"),
     ),
@@ -130,8 +130,8 @@ CLAIMS = (
         quote="no basis for rejecting the hypothesis of the correctness of the constructed neural "
         "mathematical model",
         section="section 5",
-        reading="The network's estimate is not worse than no filter at all in the examination, "
-        "frozen or re-taught.",
+        reading="The network's estimate is not worse than the measurement itself in the "
+        "examination, frozen or re-taught.",
         shown=("table_1",),
     ),
     Claim(
