@@ -814,6 +814,14 @@ def _swap(name):
     return name[2:] if name.startswith("AF") else f"AF{name}"
 
 
+def test_an_imm_is_held_against_the_worse_half_and_where_the_sea_is_beyond_both():
+    # Better than the worse of its halves, worse than the better one.
+    between = _sea(lambda n, s: 250.0 if n[0] == "I" else 200.0 if n.endswith("0.1") else 400.0)
+    assert {c.outcome for c in conditions.compensates(between, CHAINS)} == {"holds"}
+    beyond_both = conditions.fading_in_imm(between, between, CHAINS)
+    assert {c.what.split(" at ")[1].split()[0] for c in beyond_both} == {"0.6", "0.9", "1"}
+
+
 def test_conditions_of_the_tables_hold_where_the_tables_are_true_and_fail_in_the_mirror():
     true, false = _sea(_true_sea), _sea(lambda n, s: 900.0 - _true_sea(n, s))
     for test in (tables.best_and_worst, lambda seas: tables.discrepancy(seas, CHAINS)):
