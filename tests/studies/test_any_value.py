@@ -40,7 +40,21 @@ SECONDS = 120  # that a case may take on a busy machine; on a quiet one it takes
 # ---------------------------------------------------------------- values
 
 ODD = [None, True, False, "", "x", "nan", b"x", 1j, math.nan, math.inf, -math.inf, -1, 0, 1, 0.5]
-ODD += [-0.0, 5e-324, 1e308, -1e308, 10**400, 2**63, [], {}, [[]], [1], [1.0, 1.0], [math.nan]]
+ODD += [
+    -0.0,
+    5e-324,
+    1e308,
+    -1e308,
+    10**400,
+    10**5000,
+    2**63,
+    [],
+    {},
+    [[]],
+    [1],
+    [1.0, 1.0],
+    [math.nan],
+]
 ODD += [["x"], [None], [[1.0, 2.0]], np.float64(0.5), np.int64(3), np.array([1.0, 2.0])]
 
 

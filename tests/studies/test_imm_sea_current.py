@@ -818,6 +818,8 @@ def test_an_imm_is_held_against_the_worse_half_and_where_the_sea_is_beyond_both(
     # Better than the worse of its halves, worse than the better one.
     between = _sea(lambda n, s: 250.0 if n[0] == "I" else 200.0 if n.endswith("0.1") else 400.0)
     assert {c.outcome for c in conditions.compensates(between, CHAINS)} == {"holds"}
+    far = {c.what.removesuffix(", zero start") for c in conditions.prominent([between])}
+    assert far == {f"rate of AFEKF {x} m/s" for x in ("0.1 at 1", "0.5 at 0.05", "1 at 0.05")}
     beyond_both = conditions.fading_in_imm(between, between, CHAINS)
     assert {c.what.split(" at ")[1].split()[0] for c in beyond_both} == {"0.6", "0.9", "1"}
 

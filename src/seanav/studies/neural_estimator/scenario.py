@@ -10,6 +10,7 @@ STEP = 3.0  # s, twenty steps a minute
 COURSES = ("steady", "one turn", "two turns", "turn while teaching", "zigzag")
 VARIANTS = ("frozen", "re-taught", "self-taught", "hybrid")
 INPUTS = ("measurement", "estimate")
+MOST_STEPS = 20_000
 MOST = 20_000_000  # runs times steps, neurons or epochs: what is stored fits in a few GB
 
 _WEIGHT = Number(at_least=0, at_most=1)
@@ -37,11 +38,11 @@ class Scenario(Parameters):
         note="at the start; no component is zero",
     )
     steps: int = parameter(
-        200, Integer(1, 20_000), origin="assumed", note="of 3 s (text): ten minutes"
+        200, Integer(1, MOST_STEPS), origin="assumed", note="of 3 s (text): ten minutes"
     )
-    settle: int = parameter(20, Integer(1), unit="steps", origin="text", note="stage 1")
+    settle: int = parameter(20, Integer(1, MOST_STEPS), unit="steps", origin="text", note="stage 1")
     pairs: int = parameter(
-        20, Integer(2), unit="steps", origin="text", note="teaching pairs, stage 2"
+        20, Integer(2, MOST_STEPS), unit="steps", origin="text", note="teaching pairs, stage 2"
     )
     noise: float = parameter(
         0.3, Number(at_least=1e-6, at_most=10), unit="m/s", origin="assumed", note="per component"
