@@ -133,9 +133,10 @@ def test_estimate_refuses_a_value_outside_its_interval():
         Estimate(2.0, 0.0, 1.0, 0.5, 10)
 
 
-def test_estimate_refuses_what_is_not_a_number():
+@pytest.mark.parametrize("rounding", [0.0, 1e-9])
+def test_estimate_refuses_what_is_not_a_number(rounding):
     with pytest.raises(ValueError, match="not an estimate"):
-        exact(math.nan)
+        exact(math.nan, rounding)
 
 
 def test_exact_has_no_width():
@@ -263,3 +264,8 @@ def test_what_rounding_leaves_of_zero_is_zero():
         -2e-3,
     ]
     assert estimates.exact(4e-14).value == 4e-14
+
+
+def test_an_estimate_over_a_number():
+    one = estimates.over(Estimate(6.0, 4.0, 8.0, 1.0, 9), 2.0)
+    assert one == Estimate(3.0, 2.0, 4.0, 0.5, 9)

@@ -64,7 +64,7 @@ def exact(value: float, rounding: float = 0.0) -> Estimate:
 
     One that is 0 but for `rounding` is 0: what rounding leaves is another on every machine.
     """
-    value = float(value) if abs(value) >= rounding else 0.0
+    value = 0.0 if abs(value) < rounding else float(value)
     return Estimate(value, value, value, 0.0, 0)
 
 

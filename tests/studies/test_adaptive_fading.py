@@ -373,8 +373,3 @@ def test_innovation_based_adaptation_costs_its_window_and_two_products():
     assert scores.operations(1, 1, "innovation", 7) == plain + 7 + 2
     three = [scores.operations(3, 3, "innovation", w) for w in (1, 20)]
     assert three[1] - three[0] == 19 * 6
-
-
-def test_an_estimate_over_a_number():
-    one = scores.over(estimates.Estimate(6.0, 4.0, 8.0, 1.0, 9), 2.0)
-    assert one == estimates.Estimate(3.0, 2.0, 4.0, 0.5, 9)

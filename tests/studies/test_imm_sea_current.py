@@ -23,7 +23,7 @@ from seanav.studies.imm_sea_current import (
     scores,
     tables,
 )
-from seanav.studies.imm_sea_current.flown import Flown, condition
+from seanav.studies.imm_sea_current.flown import Flown, condition, crossing
 from seanav.studies.imm_sea_current.scenario import Scenario
 
 SHORT = Scenario(runs=16, duration_s=1200.0, seed=11)
@@ -873,6 +873,13 @@ def test_open_conditions_have_more_runs_and_decided_ones_do_not():
     none = attrs.evolve(few, more_runs=1)
     same = conditions.longer(conditions.fading_below, conditions.Sea(none, sea.flown))
     assert [c.what for c in same] == [c.what for c in after]
+
+
+def test_a_crossing_is_said_in_words_at_both_ends():
+    grid = np.array([0.1, 0.2, 0.4])
+    assert crossing(grid, [1.0, 2.0, 4.0], 3.0) == "0.300"
+    assert crossing(grid, [5.0, 6.0, 7.0], 3.0) == "below 0.1"
+    assert crossing(grid, [1.0, 1.5, 2.0], 3.0) == "beyond 0.4"
 
 
 def test_growth_of_the_appendix_compares_a_strong_current_with_a_weak_one():
