@@ -195,8 +195,7 @@ def faults(book):
     if [cell.execution_count for cell in cells] != list(range(1, len(cells) + 1)):
         found.append("not executed from top to bottom")
     for cell in cells:
-        parameters = "parameters" in cell.metadata.get("tags", [])  # as many as there are
-        if len(cell.source.splitlines()) > 40 and not parameters:
+        if len(cell.source.splitlines()) > 40:
             found.append(f"cell {cell.execution_count} has more than 40 lines")
         if any(o.output_type == "error" or o.get("name") == "stderr" for o in cell.outputs):
             found.append(f"cell {cell.execution_count} failed or warned")

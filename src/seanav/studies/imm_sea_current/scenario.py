@@ -168,8 +168,7 @@ class Scenario(Parameters):
         ((0.9, 0.1), (0.1, 0.9)),
         List(List(Number(at_least=0, at_most=1), 2), 2),
         origin="assumed",
-        note="damaged in our copy; 0.9 is the likely reading, "
-        "Table 2 speaks for 0.95 if the current starts at zero",
+        note="damaged in our copy: likely 0.9; with a zero start Table 2 speaks for 0.95",
     )
     initial_probabilities: tuple = parameter(
         (0.5, 0.5), List(Number(at_least=0, at_most=1), 2), origin="text"
