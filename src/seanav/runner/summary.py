@@ -120,7 +120,7 @@ def _main(everything):
     lines = [_row(head), "|---" * len(head) + "|"]
     for claims in everything.values():
         for number, claim in claims.items():
-            if claim.get("main"):  # results of an older checkout do not say
+            if claim["main"]:
                 _, words, _, verdict, number_, _ = _cells("", number, claim)
                 lines.append(_row((number, words, verdict, number_)))
     return lines
@@ -179,7 +179,7 @@ def _deviations(path):
     why = Counter(row["why"] or "not known" for row in rows if row["agrees"] != "true")
     reasons = "; ".join(f"{count} differ: {reason}" for reason, count in why.items())
     lines = [
-        f"Comparisons of printed numbers with ours that agree within two standard errors of both: "
+        "Comparisons of printed numbers with ours that agree within two standard errors of both: "
         f"{agree} of {len(rows)}. {reasons}".rstrip()
     ]
     lines += ["", "<details><summary>Printed numbers and ours</summary>", ""]
