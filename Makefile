@@ -32,8 +32,10 @@ NO := 0 n no No NO false False FALSE off
 $(if $(filter-out $(YES) $(NO),$(QUICK)),$(error QUICK=$(QUICK): must be 1 or 0))
 FAST := $(filter $(YES),$(QUICK))
 
-# A paper is a notebook with a number. Names with other characters are a user's own.
-PAPERS := $(shell ls notebooks 2>/dev/null | sed -n 's/^\([0-9][0-9]*_[A-Za-z0-9_][A-Za-z0-9_]*\)\.ipynb$$/\1/p')
+# A paper is a notebook with a number, a lesson one with 0. Other names are a user's own.
+NUMBERED := $(shell ls notebooks 2>/dev/null | sed -n 's/^\([0-9][0-9]*_[A-Za-z0-9_][A-Za-z0-9_]*\)\.ipynb$$/\1/p')
+LESSONS := $(filter 0_%,$(NUMBERED))
+PAPERS := $(filter-out $(LESSONS),$(NUMBERED))
 ABSENT := $(strip $(foreach p,$(PAPER),$(if $(filter $p $p_%,$(PAPERS)),,$p)))
 $(if $(ABSENT),$(error no paper $(ABSENT); there are: $(PAPERS)))
 CHOSEN := $(if $(strip $(PAPER)),$(filter $(PAPER) $(PAPER:%=%_%),$(PAPERS)),$(PAPERS))
@@ -66,7 +68,7 @@ export JUPYTER_RUNTIME_DIR := $(CURDIR)/build/home/jupyter/runtime
 BIN := .venv/bin
 SEANAV := $(BIN)/python -m seanav
 
-.PHONY: help figures notebooks confirm test soak lint format lock lockcheck bench book clean .venv FORCE
+.PHONY: help figures notebooks confirm test soak lint format lock lockcheck bench lab book clean .venv FORCE
 
 help: ## list the targets
 	@echo "make TARGET [PYTHON=python3.12]"
@@ -96,6 +98,7 @@ $(STAMPS): build/stamps/%: notebooks/%.ipynb requirements.lock $(CONFIRMED) $$(c
 
 notebooks: $(STAMPS) ## refresh the stored outputs of the notebooks from their full runs
 	@$(SEANAV) store $(CHOSEN:%=--paper %)
+	@$(if $(strip $(PAPER)),,$(SEANAV) lessons)
 
 confirm: .venv ## SEED=...: judge all claims again with a seed that was never run before
 	@$(SEANAV) confirm $(CHOSEN:%=--paper %) --seed "$$SEANAV_SEED"
@@ -103,9 +106,9 @@ confirm: .venv ## SEED=...: judge all claims again with a seed that was never ru
 test: .venv ## all tests, then every notebook against its stored outputs and results
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 	rm -rf build/nbval
-ifneq ($(PAPERS),)
+ifneq ($(NUMBERED),)
 	SEANAV_RESULTS="$$(pwd)/build/nbval" $(BIN)/python -m pytest -p no:cacheprovider -n 2 \
-	  --dist loadfile --nbval --nbval-cell-timeout=1800 $(PAPERS:%=notebooks/%.ipynb)
+	  --dist loadfile --nbval --nbval-cell-timeout=1800 $(NUMBERED:%=notebooks/%.ipynb)
 endif
 	$(SEANAV) check
 
@@ -144,6 +147,9 @@ lock: .venv ## resolve requirements.lock anew from pyproject.toml, for all platf
 
 bench: .venv ## time the kernels against the targets
 	@for file in $(sort $(wildcard benchmarks/bench_*.py)); do $(BIN)/python $$file || exit 1; done
+
+lab: .venv ## JupyterLab on the notebooks, with the kernel of .venv
+	$(BIN)/python -m jupyterlab notebooks
 
 book: .venv ## the notebooks and the report as web pages, into build/book/
 	$(BIN)/python book/build.py

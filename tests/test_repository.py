@@ -25,6 +25,7 @@ REPORT = Path("paper_figures", "REPORT.md")
 PACKAGE = ROOT / "src" / "seanav"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 NOTEBOOKS = [ROOT / "notebooks" / f"{stem}.ipynb" for stem in runner.papers(ROOT)]
+LESSONS = [ROOT / "notebooks" / f"{stem}.ipynb" for stem in runner.lessons(ROOT)]
 
 # ---------------------------------------------------------------- layers
 
@@ -36,7 +37,7 @@ def modules():
 
 def test_no_study_is_known_to_the_machinery():
     for path, layer in modules():
-        if layer not in ("models", "filters", "studies"):
+        if layer not in ("models", "filters", "studies", "exercises"):
             assert not re.search(
                 r"gravity|fading|current|neural|ito", path.read_text(encoding="utf-8")
             ), path
@@ -174,14 +175,14 @@ def test_no_test_is_skipped_or_expected_to_fail():
 # ---------------------------------------------------------------- notebooks
 
 
-def faults(book):
-    """Return what is wrong with the form of a stored notebook."""
+def faults(book, lesson=False):
+    """Return what is wrong with the form of a stored notebook; a lesson has no parameters."""
     found = []
     cells = [cell for cell in book.cells if cell.cell_type == "code" and cell.source.strip()]
     tags = [tag for cell in book.cells for tag in cell.metadata.get("tags", [])]
-    if tags.count("parameters") != 1:
-        found.append("not exactly one parameters cell")
-    if set(tags) - {"parameters", "solution"}:
+    if tags.count("parameters") != (0 if lesson else 1):
+        found.append("not exactly one parameters cell, or one in a lesson")
+    if set(tags) - {"parameters", "solution", "hide-output"}:
         found.append(f"tags {set(tags)}")
     if re.search(r"NBVAL|PYTEST_VALIDATE", "".join(cell.source for cell in book.cells)):
         found.append("a comment for nbval")
@@ -190,7 +191,7 @@ def faults(book):
     if set(book.metadata) != {"kernelspec", "language_info", "seanav"}:
         found.append("metadata: make notebooks")
     seconds = book.metadata.get("seanav", {}).get("expected_seconds", {})
-    if set(seconds) != {"full", "quick"}:
+    if set(seconds) != (set() if lesson else {"full", "quick"}):
         found.append("no expected time")
     if [cell.execution_count for cell in cells] != list(range(1, len(cells) + 1)):
         found.append("not executed from top to bottom")
@@ -206,8 +207,40 @@ def faults(book):
 
 
 def test_stored_notebooks_are_in_form():
-    for path in NOTEBOOKS:
-        assert faults(nbformat.read(path, as_version=4)) == [], path.name
+    for path in [*NOTEBOOKS, *LESSONS]:
+        book = nbformat.read(path, as_version=4)
+        assert faults(book, lesson=path in LESSONS) == [], path.name
+
+
+# One order of parts for all chapters. A heading may say more than its word.
+PARTS = ("learn", "notation", "explore", "take away", "exercises", "references")
+
+
+@pytest.mark.parametrize("path", [*LESSONS, *NOTEBOOKS], ids=lambda path: path.stem)
+def test_every_chapter_has_the_same_parts_in_the_same_order(path):
+    cells = nbformat.read(path, as_version=4).cells
+    lines = [x for c in cells if c.cell_type == "markdown" for x in c.source.splitlines()]
+    headings = [line.lower() for line in lines if line.startswith("## ")]
+    places = [next((k for k, h in enumerate(headings) if part in h), None) for part in PARTS]
+    assert None not in places, dict(zip(PARTS, places, strict=True))
+    assert places == sorted(places), dict(zip(PARTS, places, strict=True))
+    pictures = [
+        k
+        for k, cell in enumerate(cells)
+        if any("image/png" in output.get("data", {}) for output in cell.get("outputs", []))
+    ]
+    assert pictures[0] < 10, "no picture within the first ten cells"
+    assert path.stat().st_size <= 3e6, "hosting services show no larger notebooks"
+
+
+@pytest.mark.parametrize("path", [*LESSONS, *NOTEBOOKS], ids=lambda path: path.stem)
+def test_no_printed_line_wraps(path):
+    for cell in nbformat.read(path, as_version=4).cells:
+        for output in cell.get("outputs", []):
+            for line in output.get("text", "").splitlines():
+                # A caption, a quotation and a finding are sentences: they may wrap.
+                if re.search(r"\S {2,}\S", line.strip()):
+                    assert len(line) <= 100, f"cell {cell.execution_count}: {line}"
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -263,9 +296,9 @@ def test_bad_form_is_seen(name):
     assert faults(book)
 
 
-def test_every_committed_notebook_is_a_paper():
+def test_every_committed_notebook_is_a_paper_or_a_lesson():
     found = {p for p in committed(ROOT) if p.parent == ROOT / "notebooks"}
-    assert found <= set(NOTEBOOKS)
+    assert found <= {*NOTEBOOKS, *LESSONS}
 
 
 def test_every_paper_has_one_stem():

@@ -56,6 +56,7 @@ def _parser():
         "--params", action=_Once, default="", metavar="TEXT", help="several NAME=VALUE in one text"
     )
     store = command(_store, "keep the outputs of the last full runs in notebooks/")
+    command(_lessons, "run the lessons and keep their outputs in notebooks/")
     check = command(_check, "compare fresh results with the committed ones")
     check.add_argument("--fresh", action=_Once, type=Path, help="default: build/nbval")
     check.add_argument("--rtol", action=_Once, type=float, default=1e-6, help="%(default)g")
@@ -104,6 +105,13 @@ def _store(root, given):
             print(f"{stem}: stderr of cells {warned} is not stored", file=sys.stderr)
     if runner.readme(root):
         print("README.md: new table of claims")
+    return 0
+
+
+def _lessons(root, given):
+    for stem in runner.lessons(root):
+        if warned := runner.teach(root, stem):
+            print(f"{stem}: stderr of cells {warned} is not stored", file=sys.stderr)
     return 0
 
 

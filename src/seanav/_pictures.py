@@ -1,14 +1,40 @@
 """Pictures that are small, and the same on every machine."""
 
 import io
+import warnings
+from typing import Any
 
 import numpy as np
 import PIL.Image
+from IPython.display import Image
 from matplotlib.collections import Collection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 DIGITS = 7  # of what is drawn; a picture shows four
+SHOWN_DPI = 100  # of the picture in the notebook; the saved one has twice as many
+
+
+def save(fig: Figure, target: Any, **options: Any) -> None:
+    """Save `fig`; what it draws must be rounded already."""
+    with warnings.catch_warnings():
+        # Says only that a busy machine took over a second to place a legend.
+        warnings.filterwarnings("ignore", "Creating legend with loc")
+        fig.savefig(target, **options)
+
+
+def shown(fig: Figure, caption: str) -> tuple[PIL.Image.Image, Image]:
+    """Draw `fig`; return it whole, and a smaller picture of it for the notebook.
+
+    Hosting services show no large notebooks. The caption is for who cannot see the picture.
+    """
+    drawn = io.BytesIO()
+    rounded(fig)
+    save(fig, drawn, format="png", dpi=2 * SHOWN_DPI)
+    with PIL.Image.open(drawn) as picture:
+        whole = picture.convert("RGB")
+    small = palette_png(whole.reduce(2), SHOWN_DPI)
+    return whole, Image(small, format="png", width=round(96 * fig.get_figwidth()), alt=caption)
 
 
 def rounded(fig: Figure) -> None:

@@ -7,7 +7,6 @@ import os
 import re
 import secrets
 import shutil
-import warnings
 import weakref
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -18,13 +17,12 @@ from typing import Any
 
 import attrs
 import numpy as np
-import PIL.Image
 from IPython.display import Image
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from seanav._files import lock, place, write
-from seanav._pictures import palette_png, rounded
+from seanav._pictures import SHOWN_DPI, palette_png, save, shown
 from seanav.claims import (
     VERDICTS,
     Claim,
@@ -41,7 +39,6 @@ from seanav.scenario import ORIGINS, Parameters
 
 # Where a user's choice of filters and settings leaves nothing of what a claim speaks of.
 NOTHING = Condition("what it speaks of", "nothing of what it speaks of was run")
-SHOWN_DPI = 100  # of the picture in the notebook; the saved one has twice as many
 
 # ---------------------------------------------------------------- numbers as text
 
@@ -173,22 +170,14 @@ class Report:
         A `number` that is a short name, such as ``"B1"``, goes beyond the paper. The
         notebook holds the smaller picture: hosting services show no large notebooks.
         """
-        png, drawn = self._new("figure", number, ".png"), io.BytesIO()
-        rounded(fig)
+        png = self._new("figure", number, ".png")
         dates = dict.fromkeys(("Creator", "Producer", "CreationDate"))
-        with warnings.catch_warnings():
-            # Says only that a busy machine took over a second to place a legend.
-            warnings.filterwarnings("ignore", "Creating legend with loc")
-            fig.savefig(drawn, format="png", dpi=2 * SHOWN_DPI)
-            fig.savefig(png.with_suffix(".pdf"), metadata=dates)
-        width = round(96 * fig.get_figwidth())
+        whole, small = shown(fig, caption)
+        save(fig, png.with_suffix(".pdf"), metadata=dates)
         plt.close(fig)
-        with PIL.Image.open(drawn) as picture:
-            whole = picture.convert("RGB")
         png.write_bytes(palette_png(whole, 2 * SHOWN_DPI))
         print(f"Figure {number}. {caption}")
-        small = palette_png(whole.reduce(2), SHOWN_DPI)
-        return Image(small, format="png", width=width, alt=caption)
+        return small
 
     def table(self, number: int | str, columns: list[str], rows: list, caption: str) -> None:
         """Save a table as CSV and print it, numbers rounded by `significant`."""

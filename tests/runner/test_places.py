@@ -11,7 +11,7 @@ from tiny import FINISH, REPORT, STUDY, cell, empty_checkout, save, tree
 
 from seanav import runner
 from seanav.runner import Refused
-from seanav.runner.run import _demand_complete
+from seanav.runner.run import _demand_whole
 
 # ---------------------------------------------------------------- a path of this machine
 
@@ -28,11 +28,9 @@ def book_of(text, **data):
 
 
 @pytest.mark.parametrize("root", SHORT, ids=str)
-def test_the_name_of_a_checkout_is_looked_for_in_text_and_as_a_whole(root, tmp_path):
-    (tmp_path / "claims.json").write_text("{}", encoding="utf-8")
-
+def test_the_name_of_a_checkout_is_looked_for_in_text_and_as_a_whole(root):
     def demand(book, portable=True):
-        _demand_complete(root, book, tmp_path, portable)
+        _demand_whole(root, book, portable)
 
     # In a picture these letters come by chance; in a text they belong to other words.
     demand(book_of("1", **{"image/png": f"iVBOR {root} {root}/AA==", "text/plain": "<Figure>"}))

@@ -22,6 +22,47 @@ def test_papers_are_the_notebooks(root):
         runner.papers(root, "6")
 
 
+def test_a_lesson_is_no_paper(root):
+    for stem in ("0_begin", "10_last", "1_first"):
+        save(root, stem=stem)
+    assert runner.lessons(root) == ["0_begin"]
+    assert runner.papers(root) == ["10_last", "1_first"]
+    with pytest.raises(Refused, match="^no paper '0'"):
+        runner.papers(root, "0")
+
+
+def lesson(root, *sources):
+    path = save(root, *map(cell, sources), stem="0_begin")
+    book = nbformat.read(path, as_version=4)
+    book.cells = [c for c in book.cells if not c.metadata.get("tags")]
+    book.metadata = nbformat.from_dict({"kernelspec": book.metadata.kernelspec, "seanav": {}})
+    nbformat.write(book, path)
+    return path
+
+
+def test_a_lesson_is_run_and_keeps_its_outputs_and_no_other_trace(root):
+    path = lesson(root, "import os\nprint('no terminal:', not os.environ['SEANAV_PROGRESS'])")
+    assert main(["--root", str(root), "lessons"]) == 0
+    text = path.read_text(encoding="utf-8")
+    book = nbformat.reads(text, as_version=4)
+    assert book.cells[1].outputs[0].text == "no terminal: True\n"
+    assert book.cells[1].execution_count == 1
+    assert book.cells[1].metadata == {}
+    assert set(book.metadata) == {"kernelspec", "language_info", "seanav"}
+    assert not (root / "paper_figures").exists()
+    assert runner.teach(root, "0_begin") == []
+    assert path.read_text(encoding="utf-8") == text
+
+
+def test_a_lesson_that_fails_is_left_as_it_was(root, capsys):
+    path = lesson(root, "print(1)", "1 / 0")
+    before = path.read_bytes()
+    assert main(["--root", str(root), "lessons"]) == 1
+    assert "0_begin: cell 2: ZeroDivisionError: division by zero" in capsys.readouterr().err
+    assert path.read_bytes() == before
+    assert (root / "build" / "failed" / "0_begin.ipynb").is_file()
+
+
 def test_defaults_are_the_literals_of_the_tagged_cell(root):
     save(root)
     known = runner.defaults(runner.notebook(root, "9_tiny"))

@@ -5,6 +5,7 @@ from seanav.runner.checkout import (
     Refused,
     claims,
     declare,
+    lessons,
     manifest,
     notebook,
     papers,
@@ -12,7 +13,7 @@ from seanav.runner.checkout import (
 )
 from seanav.runner.confirm import confirm
 from seanav.runner.publish import dependencies, imports, mend, publish, readme, store
-from seanav.runner.run import defaults, overrides, parameters, run
+from seanav.runner.run import defaults, overrides, parameters, run, teach
 from seanav.runner.summary import listed
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "defaults",
     "dependencies",
     "imports",
+    "lessons",
     "listed",
     "manifest",
     "mend",
@@ -36,4 +38,5 @@ __all__ = [
     "readme",
     "run",
     "store",
+    "teach",
 ]

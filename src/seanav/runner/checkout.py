@@ -1,8 +1,9 @@
 """What a checkout holds: papers, their notebooks, their committed results.
 
 A paper is a notebook in ``notebooks/`` called ``<number>_<name>.ipynb``; its name without
-suffix, the stem, names its results too. Notebooks with other names are a user's own. Every
-function takes `root`, the checkout.
+suffix, the stem, names its results too. One with the number 0 is a lesson: it has no claims
+and leaves no results. Notebooks with other names are a user's own. Every function takes
+`root`, the checkout.
 """
 
 import json
@@ -21,8 +22,7 @@ class Refused(Exception):
 
 def papers(root: Path, picks: str | Iterable[str] | None = None) -> list[str]:
     """Return the stems of all papers, or of those whose number or stem is in `picks`."""
-    stems = sorted(path.stem for path in (root / "notebooks").glob("*.ipynb"))
-    stems = [stem for stem in stems if re.fullmatch("[0-9]+_[A-Za-z0-9_]+", stem)]
+    stems = [stem for stem in _numbered(root) if stem not in lessons(root)]
     picks = [picks] if isinstance(picks, str) else picks
     if not picks:
         return stems
@@ -33,6 +33,16 @@ def papers(root: Path, picks: str | Iterable[str] | None = None) -> list[str]:
             raise Refused(f"no paper {pick!r}; there are: {', '.join(stems) or 'none yet'}")
         chosen |= found
     return sorted(chosen)
+
+
+def lessons(root: Path) -> list[str]:
+    """Return the stems of all lessons."""
+    return [stem for stem in _numbered(root) if stem.startswith("0_")]
+
+
+def _numbered(root):
+    stems = sorted(path.stem for path in (root / "notebooks").glob("*.ipynb"))
+    return [stem for stem in stems if re.fullmatch("[0-9]+_[A-Za-z0-9_]+", stem)]
 
 
 def notebook(root: Path, stem: str) -> nbformat.NotebookNode:

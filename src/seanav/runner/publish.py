@@ -136,6 +136,17 @@ def store(root: Path, stem: str) -> list[int]:
     sources = [[c.source for c in b.cells] for b in (book, notebook(root, stem))]
     if not (executed.exists() and stamp.exists()) or sources[0] != sources[1]:
         raise Refused(f"{stem}: there is no full run of the notebook as it is now")
+    try:
+        # The outputs are new, the code is not: make need not run it again.
+        return keep_outputs(path, book, times=(stamp.stat().st_mtime_ns,) * 2)
+    except OSError as error:
+        raise Refused(f"{stem}: {error}") from error
+
+
+def keep_outputs(
+    path: Path, book: nbformat.NotebookNode, times: tuple[int, int] | None = None
+) -> list[int]:
+    """Write an executed notebook to `path`, clean of the run's traces; `store` says the rest."""
     book.metadata = nbformat.from_dict(
         {
             "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
@@ -151,11 +162,7 @@ def store(root: Path, stem: str) -> list[int]:
             cell.outputs = [output for output in cell.outputs if output.get("name") != "stderr"]
     text = nbformat.writes(book) + "\n"
     if text != path.read_text(encoding="utf-8"):
-        try:
-            # The outputs are new, the code is not: make need not run it again.
-            write(path, text, times=(stamp.stat().st_mtime_ns,) * 2)
-        except OSError as error:
-            raise Refused(f"{stem}: {error}") from error
+        write(path, text, times=times)
     return warned
 
 

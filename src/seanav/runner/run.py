@@ -19,7 +19,7 @@ from seanav import _process
 from seanav._files import Busy, lock, place, remove
 from seanav.checks import ParameterError
 from seanav.runner.checkout import Refused, notebook, parameters_cell
-from seanav.runner.publish import keep, mend, publish, stderr
+from seanav.runner.publish import keep, keep_outputs, mend, publish, stderr
 
 # ---------------------------------------------------------------- parameters
 
@@ -146,6 +146,23 @@ def run(root: Path, stem: str, quick: bool = False, words: tuple[str, ...] = ())
     return results
 
 
+def teach(root: Path, stem: str) -> list[int]:
+    """Execute a lesson and write its outputs into its notebook, as `store` does for a paper.
+
+    Raises
+    ------
+    Refused
+        With one line, whatever went wrong; the notebook is untouched then.
+    """
+    try:
+        with _workplace(root, stem, "lesson") as work:
+            _execute(root, stem, work, {}, portable=True, complete=False)
+            book = nbformat.read(work / f"{stem}.ipynb", as_version=4)
+            return keep_outputs(root / "notebooks" / f"{stem}.ipynb", book)
+    except OSError as error:
+        raise Refused(f"{stem}: {error}") from error
+
+
 @contextmanager
 def _workplace(root, stem, mode):
     """Yield a folder of this run's own, where nobody else runs the paper in this `mode`."""
@@ -173,7 +190,7 @@ def _workplace(root, stem, mode):
         raise Refused(f"{stem}: another {mode} run of it is under way: {error}") from None
 
 
-def _execute(root, stem, work, chosen, portable):
+def _execute(root, stem, work, chosen, portable, complete=True):
     import papermill  # slow to import, and only needed here
 
     executed, failed = work / f"{stem}.ipynb", root / "build" / "failed" / f"{stem}.ipynb"
@@ -194,7 +211,9 @@ def _execute(root, stem, work, chosen, portable):
             extra_arguments=["--log-level=CRITICAL"],
             cwd=root,
         )
-        _demand_complete(root, book, work / stem, portable)
+        _demand_whole(root, book, portable)
+        if complete and not (work / stem / "claims.json").is_file():
+            raise Refused("the notebook did not call report.finish()")
     except Exception as error:
         if executed.exists():
             place(executed, failed)
@@ -239,7 +258,7 @@ def _kernel(environment, work):
     return Kernel
 
 
-def _demand_complete(root, book, results, portable):
+def _demand_whole(root, book, portable):
     # The folder's name as a whole; a checkout may lie in / or in /src.
     place = re.compile(rf"(?<![\w./-]){re.escape(str(root))}(?![\w.-])")
     for cell in book.cells:
@@ -249,8 +268,6 @@ def _demand_complete(root, book, results, portable):
                 raise Refused(f"{where}: {output.ename}: {output.evalue}")
             if portable and root.name and any(map(place.search, _texts(output))):
                 raise Refused(f"{where} prints a path of this machine")
-    if not (results / "claims.json").is_file():
-        raise Refused("the notebook did not call report.finish()")
 
 
 def _texts(output):
