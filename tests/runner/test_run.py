@@ -27,7 +27,7 @@ def test_a_lesson_is_no_paper(root):
         save(root, stem=stem)
     assert runner.lessons(root) == ["0_begin"]
     assert runner.papers(root) == ["10_last", "1_first"]
-    with pytest.raises(Refused, match="^no paper '0'"):
+    with pytest.raises(Refused, match=r"^no paper '0'"):
         runner.papers(root, "0")
 
 
