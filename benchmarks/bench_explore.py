@@ -19,7 +19,7 @@ def main():
                 plt.close("all")
 
             drawn()  # the kernels are compiled or read from their cache
-            print(f"explore {chapter}: {best_of(drawn, 3):.2f} s with its drawing")
+            print(f"explore {chapter}: {best_of(drawn, 3)[0]:.2f} s with its drawing")
 
 
 if __name__ == "__main__":
