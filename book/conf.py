@@ -1,5 +1,10 @@
 """Sphinx settings of the book; `build.py` lays out the sources and calls Sphinx."""
 
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
 project = "seanav"
 author = "the seanav authors"
 copyright = "the seanav authors; text and figures CC BY 4.0"
@@ -8,18 +13,25 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
+    "sphinxcontrib.bibtex",
+    "links",
 ]
+bibtex_bibfiles = ["references.bib"]
 html_theme = "furo"
 html_title = "seanav"
 html_static_path = ["_static"]
+html_extra_path = ["files"]
 html_css_files = ["book.css"]
-# Nothing is fetched: the pages work without a network.
+# Nothing is fetched: the pages work without a network, and from a disk, where a browser
+# does not let the search read other pages for their first lines.
 mathjax_path = "mathjax/tex-svg.js"
+html_show_search_summary = False
+nb_ipywidgets_js = {}
 html_show_sourcelink = False
+html_copy_source = False
 # What is stored in the notebooks is shown; nothing is executed.
 nb_execution_mode = "off"
-nb_merge_streams = True
-nb_render_image_options = {"width": "100%"}
+nb_merge_streams = False  # `chapters.py` merges neighbours only: captions stay at their pictures
 nb_custom_formats = {}
 myst_enable_extensions = ["amsmath", "dollarmath"]
 myst_dmath_double_inline = True
@@ -28,4 +40,4 @@ autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 napoleon_google_docstring = False
 suppress_warnings = ["mystnb.unknown_mime_type"]
-exclude_patterns = ["downloads", "_static"]
+exclude_patterns = ["files", "_static", "code/*.py"]
