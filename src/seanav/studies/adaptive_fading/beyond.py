@@ -101,6 +101,42 @@ def shares(settings: list[Setting], one: str, other: str) -> tuple:
     return estimates.share(wins, len(ratios)), counts
 
 
+CRITERIA = {
+    "fault": lambda s: s.fault,
+    "measured": lambda s: ", ".join(s.measured).replace("psi", "ψ"),
+    "units of the angles": lambda s: "degrees" if s.degrees else "radians",
+    "window μ (steps)": lambda s: s.window,
+    "log₁₀ of largest / smallest Q": lambda s: _bin(np.log10(max(s.Q) / min(s.Q)), 1),
+    "log₁₀ of mean R / mean Q": lambda s: _bin(np.log10(s.R).mean() - np.log10(s.Q).mean(), 2),
+}
+
+
+def _bin(number, width):
+    """Return the ends of the bin of a number."""
+    low = width * int(np.floor(number / width))
+    return low, low + width
+
+
+def binned_shares(settings: list[Setting], one: str, other: str) -> dict[str, list]:
+    """Return the share of settings that `one` wins against `other`, in bins.
+
+    Returns
+    -------
+    dict
+        Criterion -> list of (bin, `Estimate` with Wilson's interval); a bin that no random
+        setting fell into is not there. Means of R and Q are geometric.
+    """
+    tables = {}
+    for criterion, of in CRITERIA.items():
+        rows = []
+        for place in sorted({of(setting) for setting in settings}):
+            label = "{} to {}".format(*place) if isinstance(place, tuple) else str(place)
+            chosen = [setting for setting in settings if of(setting) == place]
+            rows.append((label, shares(chosen, one, other)[0]))
+        tables[criterion] = rows
+    return tables
+
+
 class Detection(NamedTuple):
     """Delay against false alarms for one kind of fault, at each α."""
 

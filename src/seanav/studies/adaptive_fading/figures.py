@@ -1,90 +1,210 @@
 """Paper 3: the drawings; each function returns a figure and computes nothing new."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
+from scipy.spatial import ConvexHull
 
 from seanav import plots
-from seanav.studies.adaptive_fading.beyond import Detection, Setting
+from seanav.estimates import Estimate
+from seanav.studies.adaptive_fading.beyond import Detection
 from seanav.studies.adaptive_fading.run import Outcome, Problem
 
 GREEK = {"psi": "ψ", "theta": "θ"}
+OTHERS = {"larger Q": "P", "input bias": "X"}
 
 
 def style(name: str) -> dict[str, Any]:
-    """Return the line style of a filter, the same in every figure."""
+    """Return the line style and marker of a filter, the same in every figure."""
     kinds = {"OKF": "optimal", "larger Q": "Kalman", "input bias": "hybrid"}
-    fading = "adaptive" if name.startswith("SFF") else "adaptive, one per state"
-    style = plots.look(kinds.get(name, fading))
-    # The filters as printed rest on one innovation: thinner.
-    return style | {"linewidth": 0.9 if name.endswith("(1)") else 1.5, "marker": None}
+    single, printed = name.startswith("SFF"), name.endswith("(1)")
+    fading = "adaptive" if single else "adaptive, one per state"
+    # The filters that rest on one innovation: thinner, with open marks.
+    look: dict[str, Any] = {"linewidth": 0.9 if printed else 1.5, "markersize": 5}
+    look["marker"] = OTHERS.get(name, "o" if name == "OKF" else "s" if single else "^")
+    if printed:
+        look["markerfacecolor"] = "white"
+    return plots.look(kinds.get(name, fading)) | look
+
+
+def statistic_sketch(
+    times: np.ndarray,
+    panels: Mapping[str, np.ndarray],
+    beta: np.ndarray,
+    limit: float,
+    fault_time: float,
+) -> Figure:
+    """Draw one state of one run, true and estimated, above β of the same run.
+
+    `panels` maps a label to the curve; the first one is the truth.
+    """
+    fig, (top, bottom) = plt.subplots(2, 1, figsize=(6.8, 4.4), sharex=True, height_ratios=(3, 2))
+    kinds = ("truth", "Kalman", "adaptive")
+    for kind, (label, curve) in zip(kinds, panels.items(), strict=False):
+        look = {"color": "black", "linestyle": "-"} if kind == "truth" else plots.look(kind)
+        top.plot(times, curve, label=label, **(look | {"linewidth": 1.2, "marker": None}))
+    bottom.semilogy(times, beta, color="0.35", linewidth=0.7, linestyle="-", label="β")
+    bottom.axhline(limit, color="#d55e00", linestyle="--", label="threshold")
+    for ax in (top, bottom):
+        ax.axvline(fault_time, color="black", linestyle=":", linewidth=1)
+    top.set_ylabel("yaw rate r (rad/s)")
+    bottom.set(xlabel="time (s)", ylabel="β of the OKF", ylim=(1e-2, None))
+    top.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1.0))
+    bottom.legend(ncols=2, loc="upper left")
+    return fig
+
+
+# ---------------------------------------------------------------- figure 1
+
+# Where the eye is, in body axes (forward, starboard, down): before, starboard of and above.
+_EYE = np.array([0.62, 0.62, -0.42])
+
+
+def _seen(points):
+    """Return points (..., 3) of body axes on the paper, (..., 2), and their height above it."""
+    toward = _EYE / np.linalg.norm(_EYE)
+    up = np.array([0.0, 0.0, -1.0])
+    up = up - (up @ toward) * toward
+    up /= np.linalg.norm(up)
+    right = np.cross(up, toward)
+    return points @ np.column_stack([right, up]), points @ toward
+
+
+def _turn(ax, axis, at, radius):
+    """Draw a positive rotation about an axis: from the next axis to the one after it."""
+    angle = np.linspace(-0.2 * np.pi, 1.4 * np.pi, 80)
+    first, second = np.eye(3)[(axis + 1) % 3], np.eye(3)[(axis + 2) % 3]
+    ring = np.outer(np.cos(angle), first) + np.outer(np.sin(angle), second)
+    flat, _ = _seen(at * np.eye(3)[axis] + radius * ring)
+    ax.plot(*flat[:-1].T, color="#0072b2", linewidth=1.4, linestyle="-")
+    head = {"arrowstyle": "-|>", "color": "#0072b2", "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", flat[-1], flat[-4], arrowprops=head | {"mutation_scale": 14})
 
 
 def axes_of_motion() -> Figure:
-    """Draw the body axes with the six motion variables."""
-    fig, ax = plt.subplots(figsize=(6.4, 3.6))
-    t = np.linspace(0, 2 * np.pi, 200)
-    ax.fill(2.2 * np.cos(t), 0.42 * np.sin(t), color="0.88", edgecolor="black")
-    rows = (
-        ((3.6, 0.0), "x: surge $u$, force $X$", "roll: φ, $p$"),
-        ((1.5, 1.35), "y: sway $v$, force $Y$", "pitch: θ, $q$"),
-        ((0.0, -1.7), "z: heave $w$, force $Z$", "yaw: ψ, $r$"),
+    """Draw the right-handed body axes with the six velocities and three angles.
+
+    The projection is orthographic, seen from before, starboard and above; each blue arrow is a
+    positive rotation by the right-hand rule.
+    """
+    fig, ax = plt.subplots(figsize=(6.8, 4.6))
+    polar, around = np.meshgrid(np.linspace(0, np.pi, 40), np.linspace(0, 2 * np.pi, 60))
+    thick = 0.3 * np.sin(polar) ** 0.7
+    hull = np.stack([1.7 * np.cos(polar), thick * np.cos(around), thick * np.sin(around)], -1)
+    flat, _ = _seen(hull.reshape(-1, 3))
+    # Fins first: the hull, which is nearer to the eye, hides where they begin.
+    for across in ((0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)):
+        corners = [(-1.25, 0.15), (-1.6, 0.15), (-1.6, 0.6), (-1.4, 0.6)]
+        fin = np.array([[x, 0, 0] + h * np.array(across) for x, h in corners])
+        ax.fill(*_seen(fin)[0].T, facecolor="0.75", edgecolor="black", linewidth=0.8, linestyle="-")
+    edge = flat[ConvexHull(flat).vertices]
+    ax.fill(*edge.T, facecolor="0.9", edgecolor="black", linewidth=1, linestyle="-")
+    lengths, centre = (3.1, 2.6, 2.4), _seen(np.zeros(3))[0]
+    labels = (
+        ("$x_b$, forward\nsurge $u$, force $X$\nroll φ, rate $p$", (0.1, -0.12), "left", "top"),
+        ("$y_b$, starboard\nsway $v$, force $Y$\npitch θ, rate $q$", (-0.1, -0.1), "right", "top"),
+        ("$z_b$, down\nheave $w$, force $Z$\nyaw ψ, rate $r$", (0.45, 0.2), "left", "center"),
     )
-    for (x, y), along, around in rows:
-        ax.annotate("", (x, y), (0, 0), arrowprops={"arrowstyle": "-|>", "color": "black"})
-        side = "left" if x > 1 else "center"
-        ax.text(x + 0.1 * (x > 1), y - 0.22 * (x == 0), along, ha=side, va="center")
-        ax.text(x + 0.1 * (x > 1), y - 0.3 - 0.22 * (x == 0), around, ha=side, va="center")
-    for x, y in ((-2.0, 0.0),):
-        ax.plot([x, x - 0.45], [y, y + 0.35], color="black")
-        ax.plot([x, x - 0.45], [y, y - 0.35], color="black")
-        ax.text(x - 0.55, y, "fins: rudder $δ_r$,\nstern planes $δ_s$", ha="right", va="center")
-    ax.set(xlim=(-4.6, 6.0), ylim=(-2.5, 1.8), aspect="equal")
+    for axis, (text, shift, side, level) in enumerate(labels):
+        tip = _seen(lengths[axis] * np.eye(3)[axis])[0]
+        arrow = {"arrowstyle": "-|>", "color": "black", "shrinkA": 0, "shrinkB": 0}
+        ax.annotate("", tip, centre, arrowprops=arrow | {"linewidth": 1.4, "mutation_scale": 16})
+        ax.text(tip[0] + shift[0], tip[1] + shift[1], text, ha=side, va=level, fontsize=10)
+        _turn(ax, axis, 0.8 * lengths[axis], 0.32)
+    ax.plot(*centre, "o", color="black", markersize=4)
+    tail = _seen(np.array([-1.5, 0.0, -0.6]))[0]
+    ax.annotate("rudder $δ_r$", tail, tail + np.array([0.5, 0.55]), arrowprops={"arrowstyle": "-"})
+    plane = _seen(np.array([-1.5, -0.6, 0.0]))[0]
+    ax.annotate(
+        "stern planes $δ_s$", plane, plane + np.array([0.55, 0.3]), arrowprops={"arrowstyle": "-"}
+    )
+    ax.set(aspect="equal", xlim=(-3.4, 3.9), ylim=(-2.6, 1.7))
     ax.axis("off")
     return fig
 
 
+# ---------------------------------------------------------------- figures 2 to 7
+
+
 def statistic(
-    case: Problem, outcome: Outcome, limit: float, fault_time: float, run: int = 0
+    case: Problem,
+    outcome: Outcome,
+    limit: float,
+    fault_time: float,
+    run: int = 0,
+    highest: float | None = None,
 ) -> Figure:
-    """Draw β of one run before and after adaptation against its threshold."""
+    """Draw β of one run before and after adaptation against its threshold.
+
+    `highest` ends the axis where the figures of other filters end theirs.
+    """
     fig, ax = plt.subplots(figsize=(6.8, 3.4))
-    ax.semilogy(case.times, outcome.before[run], color="0.55", linewidth=0.8, linestyle="-",
+    ax.semilogy(case.times, outcome.before[run], color="0.6", linewidth=0.9, linestyle="-",
                 label="β before adaptation")  # fmt: skip
     if outcome.factors is not None:
-        ax.semilogy(case.times, outcome.after[run], color="#0072b2", linewidth=0.8,
+        ax.semilogy(case.times, outcome.after[run], color="#003f66", linewidth=0.8,
                     linestyle="-", label="β after adaptation")  # fmt: skip
     ax.axhline(limit, color="#d55e00", linestyle="--", label="threshold")
     ax.axvline(fault_time, color="black", linestyle=":", linewidth=1)
-    ax.set(xlabel="time (s)", ylabel="β", ylim=(1e-2, None))
+    ax.set(xlabel="time (s)", ylabel="β", ylim=(1e-2, highest))
     ax.legend(ncols=3, loc="upper center", bbox_to_anchor=(0.5, 1.16))
     return fig
 
 
 def estimates(
-    case: Problem, truth: np.ndarray, outcome: Outcome, fault_time: float, run: int = 0
+    case: Problem,
+    truth: np.ndarray,
+    outcomes: Mapping[str, Outcome],
+    name: str,
+    fault_time: float,
+    run: int = 0,
 ) -> Figure:
-    """Draw true and estimated states of one run, and the RMSE over all runs beside them."""
+    """Draw true and estimated states of one run, and the RMSE over all runs beside them.
+
+    The optimal filter is drawn with the filter `name`; all `outcomes` together set the axes, so
+    that the figures of different filters can be laid side by side.
+    """
     n = len(case.states)
     fig, axes = plt.subplots(n, 2, figsize=(8.6, 1.75 * n), sharex=True, width_ratios=(2, 1.3))
+    drawn = list(dict.fromkeys(("OKF", name)))
     for i, (state, unit) in enumerate(zip(case.states, case.units, strict=True)):
         left, right = axes[i]
+        rms = {o: np.sqrt((x.errors[:, :, i] ** 2).mean(axis=0)) for o, x in outcomes.items()}
+        curves = {o: truth[run, :, i] + x.errors[run, :, i] for o, x in outcomes.items()}
         left.plot(case.times, truth[run, :, i], color="black", linewidth=1, label="true")
-        estimate = truth[run, :, i] + outcome.errors[run, :, i]
-        left.plot(case.times, estimate, "--", color="#d55e00", linewidth=1, label="estimated")
+        for one in drawn:
+            fixed = one == "OKF"
+            look = ("#d55e00", "--") if fixed else ("#0072b2", "-.")
+            both = {"color": look[0], "linestyle": look[1], "linewidth": 1.1, "label": one}
+            left.plot(case.times, curves[one], **both)
+            right.plot(case.times, rms[one], **both)
         left.set_ylabel(f"{GREEK.get(state, state)} ({unit})")
-        rms = np.sqrt((outcome.errors[:, :, i] ** 2).mean(axis=0))
-        right.plot(case.times, rms, color="#0072b2", linewidth=1, linestyle="-")
-        right.set(ylabel=f"RMSE ({unit})", ylim=(0, None))
+        left.set_ylim(_room(truth[run, :, i], *curves.values()))
+        settled = case.times > min(1.0, 0.5 * fault_time)  # the start would fill the axis
+        right.set(ylabel=f"RMSE ({unit})")
+        right.set_ylim(0.0, _room(*(x[settled] for x in rms.values()))[1])
         for ax in (left, right):
             ax.axvline(fault_time, color="black", linestyle=":", linewidth=1)
-    axes[0, 0].legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1.0))
+    axes[0, 0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1.0))
     for ax in axes[-1]:
         ax.set_xlabel("time (s)")
     return fig
+
+
+def _room(*curves):
+    """Return the ends of an axis that all curves fit in, also where there is nothing to see."""
+    values = np.concatenate(curves)
+    values = values[np.isfinite(values)]
+    low, high = (values.min(), values.max()) if len(values) else (0.0, 0.0)
+    margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+    return low - margin, high + margin
+
+
+# ---------------------------------------------------------------- beyond the paper
 
 
 def divergence(cases: dict[str, tuple[np.ndarray, ...]]) -> Figure:
@@ -100,58 +220,65 @@ def divergence(cases: dict[str, tuple[np.ndarray, ...]]) -> Figure:
 def detection(curves: dict[str, Detection]) -> Figure:
     """Draw the mean delay to the first alarm against the rate of false alarms."""
     fig, ax = plt.subplots(figsize=(6.8, 4.2))
-    for fault, curve in curves.items():
+    for k, (fault, curve) in enumerate(curves.items()):
         label = "no fault (chance)" if fault == "none" else fault
-        ax.loglog(curve.alphas, curve.delay, marker="o", markersize=3, label=label)
+        ax.loglog(curve.alphas, curve.delay, marker=plots.MARKERS[k], markersize=4, label=label)
     ax.set(xlabel="false alarms per sample, α", ylabel="mean delay to the first alarm (s)")
     ax.legend(ncols=2)
     return fig
 
 
-def _clear(setting):
-    return not setting.ratios["MFF", "SFF"].low <= 1 <= setting.ratios["MFF", "SFF"].high
+def win_shares(series: Mapping[str, Mapping[str, Sequence[tuple[str, Estimate]]]]) -> Figure:
+    """Draw the share of random settings that a filter wins, in bins, with 95 % intervals.
+
+    Parameters
+    ----------
+    series : mapping
+        Pair of filters -> result of `beyond.binned_shares`: criterion -> (bin, share).
+    """
+    first = next(iter(series.values()))
+    fig, axes = plt.subplots(2, 3, figsize=(9.4, 5.6), sharey=True)
+    for ax, criterion in zip(axes.flat, first, strict=False):
+        for k, (pair, table) in enumerate(series.items()):
+            _bars(ax, table[criterion], k, len(series), pair)
+        ax.axhline(0.5, color="0.4", linewidth=1, linestyle="--")
+        labels = [label for label, _ in first[criterion]]
+        ax.set_xticks(range(len(labels)), labels)
+        ax.set(xlabel=criterion, ylim=(0, 1), xlim=(-0.6, len(labels) - 0.4))
+        ax.grid(visible=False, axis="x")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("share won")
+    for ax in axes.flat[len(first) :]:
+        ax.axis("off")
+    axes[0, 0].legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1.0))
+    return fig
 
 
-def _point(setting):
-    """Return mean noise ratio, spread of Q, window (moved a little apart) and the result."""
-    noise = np.log10(setting.R).mean() - np.log10(setting.Q).mean()
-    spread = np.log10(max(setting.Q) / min(setting.Q))
-    window = setting.window * (1 + 0.25 * ((spread * 7.3) % 1 - 0.5))
-    return noise, spread, window, np.clip(np.log2(setting.ratios["MFF", "SFF"].value), -1, 1)
+def _bars(ax: Axes, rows: Sequence[tuple[str, Estimate]], k: int, count: int, label: str) -> None:
+    """Draw shares with their intervals, the `k`-th of `count` series, a little apart."""
+    x = np.arange(len(rows)) + 0.22 * (k - (count - 1) / 2)
+    value, low, high = np.array([(e.value, e.low, e.high) for _, e in rows]).T
+    ax.errorbar(
+        x, value, (value - low, high - value), linestyle="none", marker="so^"[k], markersize=5,
+        color=("black", "#0072b2", "#d55e00")[k], capsize=3, label=label,
+        markerfacecolor=("black", "white", "0.6")[k],
+    )  # fmt: skip
 
 
-def sweep_map(settings: list[Setting]) -> Figure:
-    """Draw where MFF beats SFF at equal windows, over noise ratio and window."""
-    fig, axes = plt.subplots(1, 2, figsize=(9.4, 4.2), sharey=True)
-    faults = sorted({s.fault for s in settings})
-    markers = dict(zip(faults, "osv^D", strict=False))
-    for fault in faults:
-        for clear in (False, True):
-            points = [_point(s) for s in settings if s.fault == fault and _clear(s) == clear]
-            if not points:
-                continue
-            noise, spread, window, log = np.array(points).T
-            for ax, x in zip(axes, (noise, spread), strict=True):
-                dots = ax.scatter(
-                    x,
-                    window,
-                    c=log,
-                    cmap="PuOr_r",
-                    vmin=-1,
-                    vmax=1,
-                    marker=markers[fault],
-                    s=34 if clear else 12,
-                    edgecolor="black",
-                    linewidth=0.5,
-                )
-    axes[0].set(xlabel="log₁₀ of mean R / mean Q (geometric)", ylabel="window μ", yscale="log")
-    axes[1].set_xlabel("log₁₀ of largest Q / smallest Q")
-    fig.colorbar(dots, ax=axes, label="log₂ of RMSE of MFF / SFF (negative: MFF better)")
-    handles = [
-        Line2D([], [], marker=m, linestyle="", color="0.5", markeredgecolor="black", label=f)
-        for f, m in markers.items()
-    ]
-    axes[1].legend(handles=handles, loc="upper left", bbox_to_anchor=(0, 1.12), ncols=5)
+def window_effect(
+    windows: Sequence[int], effect: Mapping[tuple[str, str], Sequence[Estimate]]
+) -> Figure:
+    """Draw the ratio to the optimal filter over the window, one panel per setting."""
+    settings = list(dict.fromkeys(setting for _, setting in effect))
+    fig, axes = plt.subplots(1, len(settings), figsize=(8.6, 3.6))
+    for ax, setting in zip(np.atleast_1d(axes), settings, strict=True):
+        for method, short in (("single", "SFF"), ("multiple", "MFF")):
+            plots.band(ax, windows, effect[method, setting], short, **style(short))
+        ax.set(xlabel="window μ (steps)", title=setting)
+        plots.plain_logarithmic(ax, x=True)
+    first = np.atleast_1d(axes)[0]
+    first.set_ylabel("RMSE after the fault over the OKF's")
+    first.legend()
     return fig
 
 
@@ -164,7 +291,7 @@ def consistency(
     for name, outcome in outcomes.items():
         mean = outcome.nees.mean(axis=0)
         smooth = np.convolve(mean, np.ones(width) / width, mode="valid")
-        ax.semilogy(case.times[width - 1 :], smooth, label=name, **style(name))
+        ax.semilogy(case.times[width - 1 :], smooth, label=name, markevery=0.09, **style(name))
     ax.axhspan(*bounds, color="0.6", alpha=0.5, linewidth=0, label="95 % bounds of one step")
     ax.axvline(fault_time, color="black", linestyle=":", linewidth=1)
     ax.set(xlabel="time (s)", ylabel="mean NEES")
