@@ -4,15 +4,18 @@ from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from seanav.models.gravity.map import GravityMap
+from seanav.models.paths import length
 from seanav.models.units import KM, MGAL
 from seanav.studies.gravity_planning.beyond import Case, Comparison
 from seanav.studies.gravity_planning.scores import Score
 
 MARKERS = "osv^<>DPXd*"
+DASHES = ("-", (0, (6, 2)), (0, (4, 1, 1, 1)), (0, (1, 1)), (0, (8, 2, 2, 2)))
 
 
 def style(name: str, index: int) -> dict[str, Any]:
@@ -22,7 +25,8 @@ def style(name: str, index: int) -> dict[str, Any]:
     if name == "Direct":
         return {"color": "0.45", "linewidth": 2.0, "linestyle": "--", "zorder": 4}
     return {
-        "color": plt.cm.viridis(index / 12),
+        "color": plt.cm.viridis(0.85 * index / 12),  # its bright end is lost on white
+        "linestyle": DASHES[index % len(DASHES)],
         "linewidth": 1.1,
         "marker": MARKERS[index % len(MARKERS)],
         "markevery": (7 + 2 * index, 24),
@@ -52,15 +56,31 @@ def hidden_markov() -> Figure:
     return fig
 
 
-def _field(ax, chart, field, label, levels):
-    north, east = (np.arange(count) * chart.spacing / KM for count in field.shape)
-    shades = ax.contourf(east, north, field, levels, cmap="Greys", alpha=0.75)
-    ax.contour(east, north, field, levels, colors="0.35", linewidths=0.4)
-    ax.figure.colorbar(shades, ax=ax, label=label)
+def field(
+    ax: Axes,
+    chart: GravityMap,
+    values: np.ndarray,
+    label: str,
+    levels: int,
+    *,
+    bar: bool = True,
+) -> None:
+    """Draw values at the nodes of a map as shades and contours, every second one labelled."""
+    north, east = (np.arange(count) * chart.spacing / KM for count in values.shape)
+    # Only the light half of the greys, so that labels and paths can be read on all of them.
+    top = values.max() + (values.max() - values.min())
+    look = {"cmap": "Greys", "vmin": values.min(), "vmax": top} if top > values.max() else {}
+    shades = ax.contourf(east, north, values, levels, **look)
+    lines = ax.contour(east, north, values, levels, colors="0.35", linewidths=0.4)
+    ax.clabel(lines, np.asarray(lines.levels)[::2], fmt="%g", fontsize=8, inline_spacing=2)
+    if bar:
+        ax.figure.colorbar(shades, ax=ax, label=label, shrink=0.8)
     ax.set(xlabel="east (km)", ylabel="north (km)", aspect="equal")
+    ax.grid(False)
 
 
-def _mark(ax, points_km):
+def mark(ax: Axes, points_km: dict[str, tuple[int, ...]]) -> None:
+    """Mark named nodes (east, north) on a map."""
     for name, (east, north) in points_km.items():
         ax.plot(east, north, "o", color="white", markeredgecolor="black", zorder=7)
         ax.annotate(
@@ -76,8 +96,8 @@ def _mark(ax, points_km):
 def anomaly_map(chart: GravityMap, points_km: dict[str, tuple[int, ...]]) -> Figure:
     """Draw the map with its starts and goal."""
     fig, ax = plt.subplots(figsize=(6.6, 5.4))
-    _field(ax, chart, chart.anomaly / MGAL, "gravity anomaly (mGal)", 16)
-    _mark(ax, points_km)
+    field(ax, chart, chart.anomaly / MGAL, "gravity anomaly (mGal)", 16)
+    mark(ax, points_km)
     return fig
 
 
@@ -89,7 +109,7 @@ def paths(
 ) -> Figure:
     """Draw the information map with every path; `information` in 1/km."""
     fig, ax = plt.subplots(figsize=(6.6, 5.6))
-    _field(ax, chart, information, r"information $M$ (1/km)", 12)
+    field(ax, chart, information, r"information $M$ (1/km)", 8)
     for index, (name, points) in enumerate(curves.items()):
         look = style(name, index)
         look.pop("marker", None)
@@ -98,9 +118,64 @@ def paths(
             box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.6}
             middle = points[len(points) // 2] / KM
             ax.annotate(name, middle, ha="center", va="center", fontsize="small", bbox=box)
-    _mark(ax, points_km)
+    mark(ax, points_km)
     handles, names = ax.get_legend_handles_labels()
-    ax.legend(handles[:2], names[:2], loc="upper right", fontsize="small", frameon=True)
+    ax.legend(handles[:2], names[:2], loc="upper right", frameon=True)
+    return fig
+
+
+def opening(
+    chart: GravityMap,
+    curves: dict[str, np.ndarray],
+    limits: dict[str, np.ndarray],
+    points_km: dict[str, tuple[int, ...]],
+) -> Figure:
+    """Draw two ways over the map, and the root of the bound (samples,) m along each."""
+    fig, (left, right) = plt.subplots(1, 2, figsize=(9.4, 4.2), width_ratios=(1.3, 1))
+    fig.set_layout_engine("constrained", wspace=0.08)
+    field(left, chart, chart.anomaly / MGAL, "gravity anomaly (mGal)", 12)
+    for name, points in curves.items():
+        left.plot(*(points.T / KM), label=name, **style(name, 0))
+        along = np.linspace(0.0, length(points) / KM, len(points))
+        right.plot(along, limits[name] / KM, label=name, **style(name, 0))
+    mark(left, points_km)
+    right.set(xlabel="distance along the path (km)", ylabel="bound on the position error (km)")
+    right.set_ylim(bottom=0.0)
+    right.legend()
+    return fig
+
+
+def ellipses(covariances: dict[str, np.ndarray]) -> Figure:
+    """Draw the one-sigma ellipses of named covariances (2, 2) m²."""
+    fig, ax = plt.subplots(figsize=(4.4, 4.2))
+    turn = np.linspace(0.0, 2 * np.pi, 181)
+    circle = np.array([np.cos(turn), np.sin(turn)])
+    for index, (name, P) in enumerate(covariances.items()):
+        shape = np.linalg.cholesky(P) @ circle / KM
+        ax.plot(*shape, color=str(0.22 * index), linestyle=DASHES[index], label=name)
+    ax.set(xlabel="east error (km)", ylabel="north error (km)", aspect="equal")
+    ax.margins(y=0.25)
+    ax.legend(loc="upper left")
+    return fig
+
+
+def two_plans(
+    chart: GravityMap,
+    information: np.ndarray,
+    plans: dict[str, dict[str, np.ndarray]],
+    ends_km: dict[str, dict[str, tuple[int, ...]]],
+) -> Figure:
+    """Draw, per test, the path of A* and the cheapest one known; `information` in 1/km."""
+    fig, axes = plt.subplots(1, len(plans), figsize=(9.4, 4.6), sharey=True)
+    looks = {"A*": {"color": "black", "linewidth": 2.2}}
+    other = {"color": "#d55e00", "linewidth": 2.0, "linestyle": "--"}
+    for ax, (test, curves) in zip(axes, plans.items(), strict=True):
+        field(ax, chart, information, "", 8, bar=False)
+        for name, points in curves.items():
+            ax.plot(*(points.T / KM), label=name, **looks.get(name, other))
+        mark(ax, ends_km[test])
+        ax.set(title=test)
+    axes[-1].legend(loc="upper right", frameon=True)
     return fig
 
 
@@ -113,22 +188,29 @@ def _decades(ax):
     ax.set_ylim(low, high)  # setting ticks has widened it
 
 
+def _ratio(ax, along, one, **look):
+    """Draw RMSE over the bound with its 95 % band."""
+    ax.plot(along, one.rmse / one.bound, **look)
+    low, high = one.band()
+    ax.fill_between(along, low / one.bound, high / one.bound, color="0.5", alpha=0.3, linewidth=0)
+
+
 def rmse_curves(scores: dict[str, list[Score]], level: int) -> Figure:
-    """Draw the RMSE along every path, with the 95 % band of the planned one."""
-    fig, ax = plt.subplots(figsize=(7.4, 4.6))
+    """Draw the RMSE along every path, and of two of them over the bound; 95 % bands."""
+    fig, (top, low) = plt.subplots(2, 1, figsize=(7.4, 6.0), sharex=True, height_ratios=(2.4, 1))
     for index, (name, row) in enumerate(scores.items()):
-        one = row[level]
+        one, look = row[level], style(name, index)
         along = np.linspace(0.0, one.length / KM, len(one.rmse))
-        ax.plot(along, one.rmse / KM, label=name, **style(name, index))
+        top.plot(along, one.rmse / KM, label=name, **look)
         if name in ("Planned", "Direct"):
-            low, high = one.band()
-            ax.fill_between(along, low / KM, high / KM, color="0.5", alpha=0.35, linewidth=0)
-    planned = scores["Planned"][level]
-    along = np.linspace(0.0, planned.length / KM, len(planned.rmse))
-    ax.plot(along, planned.bound / KM, ":", color="black", label="PCRB, planned")
-    ax.set(xlabel="distance along the path (km)", ylabel="RMSE (km)")
-    _decades(ax)
-    ax.legend(ncols=2, frameon=False, fontsize="small")
+            ends = (end / KM for end in one.band())
+            top.fill_between(along, *ends, color="0.5", alpha=0.35, linewidth=0)
+            _ratio(low, along, one, **look)
+    low.axhline(1.0, color="0.5", linewidth=0.8)
+    top.set(ylabel="RMSE (km)")
+    low.set(xlabel="distance along the path (km)", ylabel="RMSE over PCRB")
+    _decades(top)
+    top.legend(ncols=2)
     return fig
 
 
@@ -137,23 +219,19 @@ def sums(scores: dict[str, list[Score]], level: int) -> Figure:
     fig, ax = plt.subplots(figsize=(7.4, 3.8))
     for index, (name, row) in enumerate(scores.items()):
         total = row[level].total
-        shade = {"Planned": "black", "Direct": "0.45"}.get(name, "0.75")
-        ax.bar(index, total.value / KM, color=shade, edgecolor="black", width=0.65)
+        shade = {"Planned": "0.35", "Direct": "0.6"}.get(name, "0.88")
+        ax.bar(index, total.value / KM, color=shade, edgecolor="black", width=0.8)
         error = [[(total.value - total.low) / KM], [(total.high - total.value) / KM]]
-        ax.errorbar(index, total.value / KM, error, color="0.2", capsize=4)
-        ax.plot(index, row[level].bound.sum() / KM, "D", color="white", markeredgecolor="black")
-        ax.annotate(
-            f"{total.value / KM:.1f}",
-            (index, max(total.high, row[level].bound.sum()) / KM),
-            (0, 6),
-            textcoords="offset points",
-            ha="center",
-        )
+        ax.errorbar(index - 0.18, total.value / KM, error, color="black", capsize=3)
+        bound = row[level].bound.sum() / KM
+        ax.plot(index + 0.18, bound, "D", color="white", markeredgecolor="black")
     ax.plot([], [], "D", color="white", markeredgecolor="black", label="sum of the root PCRB")
+    label = "95 % interval of the sum of RMSE"
+    ax.errorbar([], [], [], color="black", capsize=3, linestyle="none", label=label)
     ax.set_xticks(range(len(scores)), list(scores))
     ax.set(ylabel="sum of RMSE (km)")
-    ax.margins(y=0.15)
-    ax.legend(frameon=False)
+    ax.margins(y=0.22)
+    ax.legend(ncols=2, loc="upper center")
     return fig
 
 
@@ -172,12 +250,12 @@ def shares(rows: list) -> Figure:
             label=name,
         )
     ax.set(xlabel="noise (mGal)", ylabel="share of pairs won", ylim=(0, 1.05))
-    ax.legend(frameon=False, loc="lower left")
+    ax.legend(loc="lower left")
     return fig
 
 
 def comparisons(grouped: dict[str, list[Comparison]]) -> Figure:
-    """Draw the cost of one label, and achieved RMSE against the bound, pair by pair."""
+    """Draw the cost of one label, and achieved RMSE over the bound, pair by pair."""
     fig, (left, right) = plt.subplots(1, 2, figsize=(9.4, 4.2))
     for index, (name, results) in enumerate(grouped.items()):
         look = {"color": str(0.3 * index), "marker": MARKERS[index], "linestyle": "none"}
@@ -186,40 +264,42 @@ def comparisons(grouped: dict[str, list[Comparison]]) -> Figure:
         for one in results:
             for path, face in (("Planned", str(0.3 * index)), ("Direct", "white")):
                 score = one.scores[path]
-                right.plot(
-                    score.bound.sum() / KM,
-                    score.total.value / KM,
-                    markerfacecolor=face,
-                    markeredgecolor=str(0.3 * index),
-                    **{**look, "color": None},
-                )
-    ends = np.array(right.get_xlim())
-    right.plot(ends, ends, color="0.5", linewidth=0.8, label="bound = achieved")
+                look |= {"markerfacecolor": face, "markeredgecolor": str(0.3 * index)}
+                right.plot(score.bound.sum() / KM, score.over_bound.value, **look)
+    right.axhline(1.0, color="0.5", linewidth=0.8)
     right.plot([], [], "o", color="black", label="planned (filled)")
     right.plot([], [], "o", color="black", markerfacecolor="white", label="direct (open)")
     left.set(xlabel="cost of A* above multi-label (%)", ylabel="share of pairs below")
-    right.set(xlabel="sum of root PCRB (km)", ylabel="sum of RMSE, SITAN (km)")
-    left.legend(frameon=False)
-    right.legend(frameon=False, fontsize="small")
+    right.set(xlabel="sum of root PCRB (km)", ylabel="sum of RMSE over that of root PCRB")
+    left.legend()
+    right.legend()
     return fig
 
 
 def methods(cases: dict[str, Case]) -> Figure:
-    """Draw RMSE of the filters and the two bounds, one panel per case."""
-    fig, axes = plt.subplots(1, len(cases), figsize=(9.4, 4.0), sharey=True)
+    """Draw RMSE of the filters and the bounds, and both over the bound at the truth, per case."""
+    fig, axes = plt.subplots(
+        2, len(cases), figsize=(9.4, 5.6), sharex="col", sharey="row", squeeze=False
+    )
     looks = {"sitan": "-", "ekf": "--", "point mass": "-."}
-    for ax, (name, case) in zip(np.atleast_1d(axes), cases.items(), strict=True):
+    for (top, low), (name, case) in zip(axes.T, cases.items(), strict=True):
         along = np.linspace(0.0, case.length / KM, len(case.at_truth))
         for index, (method, one) in enumerate(case.scores.items()):
-            ax.plot(along, one.rmse / KM, looks[method], color=str(0.25 * index), label=method)
-            low, high = one.band()
-            ax.fill_between(along, low / KM, high / KM, color="0.5", alpha=0.2, linewidth=0)
-        ax.plot(along, case.at_truth / KM, ":", color="black", label="PCRB at the truth")
-        ax.plot(along, case.expected / KM, ":", color="0.6", linewidth=2.5, label="PCRB, prior")
-        ax.set(title=name, xlabel="distance along the path (km)")
-        _decades(ax)
-    np.atleast_1d(axes)[0].set_ylabel("RMSE (km)")
-    np.atleast_1d(axes)[-1].legend(frameon=False, fontsize="small")
+            look = {"color": str(0.25 * index), "linestyle": looks[method], "label": method}
+            top.plot(along, one.rmse / KM, **look)
+            _ratio(low, along, one, **look)
+        look = {"linestyle": ":", "color": "#d55e00", "linewidth": 2.5, "label": "PCRB, prior"}
+        top.plot(along, case.expected / KM, **look)
+        low.plot(along, case.expected / case.at_truth, **look)
+        look = {"color": "0.5", "linewidth": 0.8, "label": "PCRB at the truth"}
+        top.plot(along, case.at_truth / KM, **look)
+        low.axhline(1.0, **look)
+        top.set(title=name)
+        low.set(xlabel="distance along the path (km)")
+        _decades(top)
+    axes[0, 0].set_ylabel("RMSE (km)")
+    axes[1, 0].set_ylabel("over the PCRB at the truth")
+    axes[0, -1].legend()
     return fig
 
 
@@ -234,5 +314,5 @@ def noise_growth(rows: list, held_mgal: float) -> Figure:
             ax.plot(mgal, line, look, label=label)
         ax.set(title=f"test {test}", xlabel="noise (mGal)")
     axes[0, 0].set_ylabel(f"sum of RMSE over that at {rows[0][1]:g} mGal")
-    axes[0, 0].legend(frameon=False)
+    axes[0, 0].legend()
     return fig
