@@ -135,6 +135,7 @@ _LABEL_CASES = (
     (2.0, np.diag([0.5, 0.5]), 1.0, np.diag([0.6, 0.7]), 0.0),  # dearer
     (1.0, np.diag([0.1, 1.0]), 1.0, np.diag([0.9, 0.9]), 0.0),  # the trace alone would say yes
     (1.0, np.array([[0.5, 0.4], [0.4, 0.5]]), 1.0, np.diag([0.6, 0.6]), 0.0),  # so the diagonal
+    (1.0, np.diag([0.48, 0.48]), 1.0, np.diag([0.5, 0.5]), 0.3),
     (1.0, np.diag([0.6, 0.6]), 1.0, np.diag([0.5, 0.5]), 0.3),  # only with the tolerance
     (1.0, np.diag([0.7, 0.7]), 1.0, np.diag([0.5, 0.5]), 0.3),
 )
@@ -266,11 +267,11 @@ EXERCISES = {
             "The cost has to be compared as well.": lambda G1, P1, G2, P2, epsilon: _dominates(
                 0.0, P1, 0.0, P2, epsilon
             ),
-            "The tolerance makes the second covariance larger.": lambda G1, P1, G2, P2, epsilon: (
-                _dominates(G1, np.asarray(P1) * (1 + epsilon), G2, P2, 0.0)
-            ),
             "The tolerance is missing.": lambda G1, P1, G2, P2, epsilon: _dominates(
                 G1, P1, G2, P2, 0.0
+            ),
+            "The tolerance makes the second covariance larger.": lambda G1, P1, G2, P2, epsilon: (
+                _dominates(G1, np.asarray(P1) * (1 + epsilon), G2, P2, 0.0)
             ),
         },
     ),
