@@ -273,9 +273,11 @@ def test_figures_draw_what_there_is(change):
     own = beyond.sensitivity(scenario, "torpedo", [1e-4, 1e4], factors)
     assert own.shape == (3, 2, 8, 6)
     sds = np.sqrt(own.mean(axis=2))
+    history = run.history(scenario, "torpedo", scenario.cases[0])
     drawn = [
-        figures.overview(results["torpedo", 1]),
-        figures.component(results["torpedo", 2], 3),
+        figures.opening(history),
+        figures.overview(history),
+        figures.component(history, 3),
         figures.nees(results, estimates.consistency_bounds(6, scenario.runs)),
         figures.second_order_map(maps),
         figures.sensitivity([1e-4, 1e4], factors, sds),
@@ -283,6 +285,28 @@ def test_figures_draw_what_there_is(change):
     for fig in drawn:
         fig.canvas.draw()
         plt.close(fig)
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_a_drawn_run_is_the_first_of_the_study(vehicle):
+    case = SMALL.cases[2]
+    truth = run.simulate(SMALL, vehicle)
+    track, free = (run.estimate(SMALL, truth, case, corrected=c) for c in (True, False))
+    drawn = run.history(SMALL, vehicle, case)
+    each = (len(drawn.times) - 1) // (len(truth.times) - 1)
+    assert each > 1
+    np.testing.assert_allclose(drawn.x[::each], truth.x[0], rtol=1e-12)
+    np.testing.assert_allclose(drawn.z, run.measure(SMALL, truth, case)[0], rtol=1e-12)
+    # At a measurement the grid stands still: before it the prediction, after it the estimate.
+    before, after = (np.flatnonzero(np.diff(drawn.grid) == 0) + k for k in (0, 1))
+    assert len(before) == len(truth.times) - 1
+    np.testing.assert_allclose(drawn.grid[after], truth.times[1:])
+    np.testing.assert_allclose(drawn.mean[after], track.mean[0, 1:], rtol=1e-12)
+    own = np.sqrt(np.diagonal(track.P[0, 1:], axis1=1, axis2=2))
+    np.testing.assert_allclose(drawn.sd[after], own, rtol=1e-12)
+    assert (drawn.sd[after] < drawn.sd[before])[:, 3:].all()
+    np.testing.assert_allclose(drawn.free[before], free.mean[0, 1:], rtol=1e-9)
+    assert np.abs(drawn.mean[before] - drawn.mean[after]).max() > 1e-3
 
 
 def test_lines_of_the_map_that_fall_are_counted():

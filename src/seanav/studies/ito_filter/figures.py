@@ -6,17 +6,27 @@ from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 from numpy.typing import ArrayLike
 
 from seanav.filters.moments.density import Density
+from seanav.studies.ito_filter.run import History
 from seanav.studies.ito_filter.scenario import COMPONENTS, UNITS, VEHICLES
-from seanav.studies.ito_filter.scores import Result
 
-TRUE = {"color": "black", "linestyle": ":", "linewidth": 1.3}
-FILTERED = {"color": "#0072b2", "linestyle": "-", "linewidth": 1.3}
-STYLES = {
+TRUE: dict[str, Any] = {"color": "black", "linestyle": ":", "linewidth": 1.3}
+FILTERED: dict[str, Any] = {"color": "#0072b2", "linestyle": "-", "linewidth": 1.3}
+FREE: dict[str, Any] = {"color": "#d55e00", "linestyle": (0, (5, 2)), "linewidth": 1.1}
+MEASURED: dict[str, Any] = {"color": "0.35", "marker": "o", "markersize": 2.2, "linestyle": "none"}
+NAMES = {
+    "gaussian": "Gaussian closure",
+    "second order": "truncated",
+    "ekf": "EKF",
+    "exact": "exact",
+    "Fokker–Planck": "Fokker–Planck",
+}
+STYLES: dict[str, dict[str, Any]] = {
     "gaussian": {"color": "#0072b2", "linestyle": "-"},
     "second order": {"color": "#009e73", "linestyle": "-."},
     "ekf": {"color": "#d55e00", "linestyle": "--"},
@@ -24,39 +34,114 @@ STYLES = {
     "Fokker–Planck": {"color": "black", "linestyle": ":"},
 }
 
-
-def _trajectory(ax, result, i, run):
-    times, x = result.truth.times, result.truth.x[run, :, i]
-    mean, sd = result.track.mean[run, :, i], np.sqrt(result.track.P[run, :, i, i])
-    ax.fill_between(times, mean - 2 * sd, mean + 2 * sd, color="0.85", label="± 2 own sd")
-    ax.plot(times, mean, label="filtered", **FILTERED)
-    ax.plot(times, x, label="true", **TRUE)
-    ax.set(xlabel="time (s)", ylabel=f"{COMPONENTS[i]} ({UNITS[i]})", xlim=(0, times[-1]))
+# ---------------------------------------------------------------- trajectories
 
 
-def component(result: Result, i: int, run: int = 0) -> Figure:
+def draw(ax: Axes, history: History, i: int) -> None:
+    """Draw a component in a panel: truth, filter with its band, prediction only, measurements."""
+    grid, mean, sd = history.grid, history.mean[:, i], history.sd[:, i]
+    low, high, free = mean - 2 * sd, mean + 2 * sd, history.free[:, i]
+    ax.fill_between(grid, low, high, color="0.85", linewidth=0, label="± 2 own sd")
+    ax.plot(grid, free, label="prediction only", **FREE)
+    ax.plot(grid, mean, label="filtered", **FILTERED)
+    ax.plot(history.times, history.x[:, i], label="true", **TRUE)
+    # The measurements of a large R would leave no room for the curves.
+    values = np.concatenate([low, high, free, history.x[:, i]])
+    values = values[np.isfinite(values)]
+    if len(values) and values.max() > values.min():
+        margin = 0.06 * (values.max() - values.min())
+        ax.set_ylim(values.min() - margin, values.max() + margin)
+    if i in history.case.measured:
+        z = history.z[:, history.case.measured.index(i)]
+        ax.plot(history.measured_times, z, label="measured", zorder=3, **MEASURED)
+    name, unit = COMPONENTS[i], UNITS[i]
+    ax.set(xlabel="time (s)", ylabel=f"{name} ({unit})", xlim=(0, history.times[-1]))
+
+
+def _legend(fig, ax):
+    """Put the legend of a panel above all panels."""
+    handles, labels = ax.get_legend_handles_labels()
+    places = {"loc": "upper right", "bbox_to_anchor": (0.99, 1.0), "borderaxespad": 0.2}
+    fig.legend(handles, labels, ncols=5, columnspacing=1.2, handlelength=1.8, **places)
+
+
+def component(history: History, i: int) -> Figure:
     """Draw one component of one run: true dotted, filtered solid, as in the paper."""
     # Margins by hand, the legend above: 36 of these, and a solver per figure is slow.
-    fig, ax = plt.subplots(figsize=(5.6, 2.8), layout="none")
-    fig.subplots_adjust(left=0.13, right=0.98, bottom=0.17, top=0.91)
-    _trajectory(ax, result, i, run)
-    ax.set_title(f"{result.truth.vehicle}, case {result.case.number}", loc="left")
-    ax.legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0)
+    fig, ax = plt.subplots(figsize=(6.4, 3.0), layout="none")
+    fig.subplots_adjust(left=0.12, right=0.98, bottom=0.16, top=0.84)
+    draw(ax, history, i)
+    ax.set_title(f"{history.vehicle}, case {history.case.number}", loc="left")
+    _legend(fig, ax)
     return fig
 
 
-def overview(result: Result, run: int = 0) -> Figure:
+def overview(history: History) -> Figure:
     """Draw all six components of one run."""
-    fig, axes = plt.subplots(2, 3, figsize=(9.0, 4.6), sharex=True, layout="none")
-    fig.subplots_adjust(left=0.075, right=0.985, bottom=0.11, top=0.92, wspace=0.36, hspace=0.1)
+    fig, axes = plt.subplots(2, 3, figsize=(9.0, 4.8), sharex=True, layout="none")
+    fig.subplots_adjust(left=0.075, right=0.985, bottom=0.105, top=0.885, wspace=0.36, hspace=0.1)
     for i, ax in enumerate(axes.flat):
-        _trajectory(ax, result, i, run)
+        draw(ax, history, i)
     for ax in axes[0]:
         ax.set_xlabel("")
-    title = f"{result.truth.vehicle}, case {result.case.number}: {result.case.words}"
+    title = f"{history.vehicle}, case {history.case.number}: {history.case.words}"
     axes[0, 0].set_title(title, loc="left")
-    axes[0, 2].legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1), borderaxespad=0)
+    _legend(fig, axes.flat[history.case.measured[0]])
     return fig
+
+
+def opening(history: History, shown: Sequence[int] = (0, 5)) -> Figure:
+    """Draw some components of one run side by side: what is measured, and what is not."""
+    fig, axes = plt.subplots(1, len(shown), figsize=(9.0, 3.3), layout="none")
+    fig.subplots_adjust(left=0.075, right=0.985, bottom=0.15, top=0.82, wspace=0.22)
+    for ax, i in zip(axes, shown, strict=True):
+        draw(ax, history, i)
+        measured = "measured" if i in history.case.measured else "not measured"
+        ax.set_title(f"{COMPONENTS[i]}: {measured}", loc="left")
+    _legend(fig, axes[0])
+    return fig
+
+
+# ---------------------------------------------------------------- the scalar example
+
+
+def quadratic_variation(paths: dict[float, tuple[np.ndarray, np.ndarray]]) -> Figure:
+    """Draw one Wiener path and the sum of its squared increments, {step: (times, W)}."""
+    fig, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.0))
+    styles = zip(paths.items(), ("-", "--", "-."), ("0.55", "#d55e00", "#0072b2"), strict=True)
+    for (step, (times, W)), dash, color in styles:
+        style = {"linestyle": dash, "color": color, "label": f"Δt = {step:g} s", "linewidth": 1.2}
+        left.plot(times, W, **style)
+        right.plot(times[1:], np.cumsum(np.diff(W) ** 2), **style)
+    right.plot(times, times, label="t", **TRUE)
+    left.set(xlabel="time (s)", ylabel="W")
+    right.set(xlabel="time (s)", ylabel="Σ (ΔW)²")
+    right.legend()
+    return fig
+
+
+def closures(times: np.ndarray, sampled: np.ndarray, closed: dict[str, np.ndarray]) -> Figure:
+    """Draw mean ± sd of closures side by side over sampled ones.
+
+    `sampled` and each of `closed` have the shape (2, times): mean and variance.
+    """
+    fig, axes = plt.subplots(1, len(closed), figsize=(9.0, 3.2), sharex=True, sharey=True)
+    mean, sd = sampled[0], np.sqrt(sampled[1])
+    for ax, (name, (m, P)) in zip(axes, closed.items(), strict=True):
+        ax.fill_between(times, mean - sd, mean + sd, color="0.85", label="sampled, ± sd")
+        ax.plot(times, mean, label="sampled, mean", **TRUE)
+        style = STYLES[name]
+        ax.plot(times, m, color=style["color"], label="closed, mean")
+        for sign in (-1, 1):
+            label = "closed, ± sd" if sign == 1 else None
+            ax.plot(times, m + sign * np.sqrt(P), color=style["color"], ls="--", lw=1, label=label)
+        ax.set(title=NAMES[name], xlabel="time (s)")
+    axes[0].set_ylabel("x")
+    axes[-1].legend(loc="upper right")
+    return fig
+
+
+# ---------------------------------------------------------------- beyond one run
 
 
 def second_order_map(maps: dict[str, Any]) -> Figure:
@@ -98,9 +183,11 @@ def nees(results: dict, band: tuple[float, ...]) -> Figure:
         for number, ax in zip((1, 2, 3), row, strict=True):
             result = results[vehicle, number]
             ax.axhspan(*band, color="0.85", label="95 % if consistent")
+            ax.axhline(6, color="0.5", linewidth=0.8)
             for name in ("gaussian", "second order", "ekf"):
                 values = result.scores[name].nees_by_time
-                ax.plot(result.truth.times[1:], values, label=name, linewidth=1, **STYLES[name])
+                style = {"label": NAMES[name], "linewidth": 1.1, **STYLES[name]}
+                ax.plot(result.truth.times[1:], values, **style)
             ax.set_title(f"{vehicle}, case {number}")
     for ax in axes[1]:
         ax.set_xlabel("time (s)")
@@ -114,8 +201,9 @@ def sensitivity(variances: ArrayLike, factors: Sequence, sds: np.ndarray) -> Fig
     """Draw the filter's own sd of u and r over R, for several strengths of G."""
     fig, axes = plt.subplots(1, 2, figsize=(8.0, 3.2))
     for ax, i in zip(axes, (0, 5), strict=True):
-        for factor, sd, style in zip(factors, sds, ("-", "--", "-."), strict=True):
-            ax.loglog(variances, sd[:, i], linestyle=style, label=f"noise × {factor:g}")
+        for factor, sd, dash, mark in zip(factors, sds, ("-", "--", "-."), "o^s", strict=True):
+            style: dict[str, Any] = {"linestyle": dash, "marker": mark, "markersize": 4}
+            ax.loglog(variances, sd[:, i], label=f"noise × {factor:g}", **style)
         ax.set(xlabel="R (m²/s²)", ylabel=f"own sd of {COMPONENTS[i]} ({UNITS[i]})")
     axes[0].legend()
     return fig
@@ -125,8 +213,8 @@ def planar(times: np.ndarray, curves: dict[str, tuple[np.ndarray, ...]]) -> Figu
     """Draw mean and variance of the planar body: exact and closures, {name: (z, trace)}."""
     fig, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.4))
     for name, (z, trace) in curves.items():
-        left.plot(z.real, z.imag, label=name, **STYLES[name])
-        right.plot(times, trace, label=name, **STYLES[name])
+        left.plot(z.real, z.imag, label=NAMES[name], **STYLES[name])
+        right.plot(times, trace, label=NAMES[name], **STYLES[name])
     left.set(xlabel="E u (m/s)", ylabel="E v (m/s)", aspect="equal")
     right.set(xlabel="time (s)", ylabel="var u + var v (m²/s²)")
     left.legend()
@@ -143,7 +231,7 @@ def density(field: Density, summaries: dict[str, tuple[np.ndarray, ...]]) -> Fig
         tilt = np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1]))
         width, height = 4 * np.sqrt(values[::-1])
         ellipse = Ellipse(
-            tuple(mean), width, height, angle=tilt, fill=False, linewidth=1.6, label=name
+            tuple(mean), width, height, angle=tilt, fill=False, linewidth=1.6, label=NAMES[name]
         )
         ellipse.set(edgecolor=STYLES[name]["color"], linestyle=STYLES[name]["linestyle"])
         ax.add_patch(ellipse)

@@ -14,6 +14,8 @@ from seanav.studies.ito_filter.scenario import STEPS, VEHICLES, Case, Scenario
 from seanav.studies.ito_filter.scores import Result
 
 LIMIT = 1e6  # m/s and rad/s; whatever is faster has diverged
+POINTS = 10  # of a drawn curve between two measurements, about
+DRAWN = 400  # samples; of more than these none is drawn between the measurements
 BATCH = 50  # runs per unit of parallel work; fixed, so that results do not depend on threads
 
 # ---------------------------------------------------------------- symbols, compiled once
@@ -220,3 +222,92 @@ def open_loop_limit(scenario: Scenario, truth: Truth, case: Case, R: float) -> f
     free = estimate(scenario, truth, case, corrected=False)
     sd = np.sqrt(np.diagonal(free.P, axis1=2, axis2=3))
     return float(np.abs((far.mean - free.mean) / sd).max())
+
+
+# ---------------------------------------------------------------- one run between measurements
+
+
+@attrs.frozen(eq=False)
+class History:
+    """The first run of a case, also between the measurements: what a picture draws.
+
+    A filter jumps at a measurement: that time stands twice in `grid`, before and after.
+    NaN where the filter or the vehicle has diverged.
+
+    Attributes
+    ----------
+    vehicle : str
+    case : Case
+    times : ndarray, shape (points,)
+    x : ndarray, shape (points, 6)
+        The truth.
+    measured_times : ndarray, shape (samples,)
+    z : ndarray, shape (samples, 3)
+    grid : ndarray, shape (filter points,)
+    mean, sd : ndarray, shape (filter points, 6)
+        Of the Gaussian closure.
+    free : ndarray, shape (filter points, 6)
+        Mean of prediction only.
+    """
+
+    vehicle: str
+    case: Case
+    times: np.ndarray
+    x: np.ndarray
+    measured_times: np.ndarray
+    z: np.ndarray
+    grid: np.ndarray
+    mean: np.ndarray
+    sd: np.ndarray
+    free: np.ndarray
+
+
+def history(scenario: Scenario, vehicle: str, case: Case) -> History:
+    """Return the first run of a case between its measurements, filtered and predicted only.
+
+    It is the same run as the first of `run_all`: the same noise, the same measurements.
+    """
+    few = attrs.evolve(scenario, runs=2, particle_runs=2)
+    truth = simulate(few, vehicle)
+    samples, interval = len(truth.times), truth.times[1]
+    step = getattr(few, f"{vehicle}_step")
+    parts = _parts(round(interval / step), samples)
+    fine = simulate(few, vehicle, keep=interval / parts) if parts > 1 else truth
+    parts = _parts(round(interval / few.filter_step), samples)
+    tracks = [estimate(few, truth, case, corrected=corrected) for corrected in (True, False)]
+    (mean, variance), (free, _) = (_between(few, truth, track, parts) for track in tracks)
+    grid = truth.times[:-1, None] + interval * np.arange(parts + 1) / parts
+    return History(
+        vehicle, case, fine.times, fine.x[0], truth.times[1:], measure(few, truth, case)[0],
+        np.append(grid, truth.times[-1]), mean, np.sqrt(variance), free,
+    )  # fmt: skip
+
+
+def _parts(steps, samples):
+    """Return into how many parts of whole steps an interval is cut for a picture."""
+    most = POINTS if samples <= DRAWN else 1
+    return max(part for part in range(1, min(most, steps) + 1) if steps % part == 0)
+
+
+def _between(scenario, truth, track, parts):
+    """Return means and variances of the first run, (samples - 1) (parts + 1) + 1 of each.
+
+    Every interval begins at the track's estimate after a measurement and ends before the
+    next one; the last number is the estimate after the last measurement.
+    """
+    move, forces = propagator("gaussian"), bodies.BODIES[truth.vehicle].forces
+    length = truth.times[1] / parts
+    steps = max(1, round(length / scenario.filter_step))
+    out = np.full((2, len(truth.times) - 1, parts + 1, 6), np.nan)
+    for k, begin in enumerate(truth.times[:-1]):
+        mean, P = track.mean[:1, k].copy(), track.P[:1, k].copy()
+        for part in range(parts + 1):
+            # Written so that NaN counts as diverged.
+            if not ((np.abs(mean) < LIMIT).all() and (np.abs(P) < LIMIT**2).all()):
+                break
+            variance = np.diagonal(P[0])
+            out[:, k, part] = mean[0], np.where(variance >= 0, variance, np.nan)
+            times = begin + length * (part + np.arange(2 * steps + 1) / (2 * steps))
+            move(mean, P, length, length / steps, forces(times), truth.parameters)
+    last = np.stack([track.mean[0, -1], np.diagonal(track.P[0, -1])])
+    return np.concatenate([out.reshape(2, -1, 6), last[:, None]], axis=1)
