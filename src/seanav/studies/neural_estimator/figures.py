@@ -1,10 +1,12 @@
 """Paper 2: the drawings; each function returns a figure and computes nothing new."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 
 from seanav import plots
 from seanav.filters.neural import READINGS, Network
@@ -16,10 +18,63 @@ def _asked(scenario):
     return {"measurement": "z", "estimate": "filter"}[scenario.examination_input]
 
 
+# The numerical filters are one family: GLS at its one end, KF at the other.
+KINDS = {
+    "unfiltered": plots.look("open loop"),
+    "KF": plots.look("other"),
+    "GLS": plots.look("second order"),
+    "intermediate": plots.look("Kalman"),
+    "frozen network": plots.look("network"),
+}
+DOTS = {"linestyle": "none", "marker": ".", "markersize": 3, "color": "0.65"}
+
+
 def style(name: str) -> dict[str, Any]:
     """Return the line style of an estimator, the same in every figure."""
     kinds = {"teacher": "Kalman", "frozen": "network", "re-taught": "adaptive"}
-    return plots.look(kinds.get(name, "other")) | {"linewidth": 1.1}
+    return plots.look(kinds.get(name, "other")) | {"linewidth": 1.2}
+
+
+def outside(fig: Figure, columns: int = 3) -> Figure:
+    """Move the legend of a figure with one panel below it, where it covers no curve."""
+    axes = fig.axes[0]
+    if (legend := axes.get_legend()) is not None:
+        legend.remove()
+        handles, labels = axes.get_legend_handles_labels()
+        fig.legend(handles, labels, loc="outside lower center", ncols=columns)
+    return fig
+
+
+def opening(
+    scenario: Scenario,
+    truth: np.ndarray,
+    z: np.ndarray,
+    teacher: np.ndarray,
+    network: np.ndarray,
+) -> Figure:
+    """Draw the east component of one run, (steps, 2) each in m/s, with the stages of the cycle."""
+    fig, ax = plt.subplots(figsize=(7.2, 3.6))
+    time, first = STEP * np.arange(scenario.steps), scenario.examination
+    ax.plot(time, z[:, 1], label="measured", **DOTS)
+    ax.plot(time, truth[:, 1], label="truth", color="black", linestyle="-")
+    ax.plot(time, teacher[:, 1], label="teacher: numerical filter", **style("teacher"))
+    ax.plot(time[first:], network[first:, 1], label="its pupil: network", **style("frozen"))
+    _stages(ax, scenario)
+    ax.set(xlabel="time (s)", ylabel="speed to the east (m/s)")
+    fig.legend(loc="outside lower center", ncols=4)
+    return fig
+
+
+def _stages(ax, scenario):
+    # Stages 1 and 2 are shaded, 3 is a moment, 4 is the rest; their numbers stand at the top.
+    ends = [STEP * x for x in (0, scenario.settle, scenario.examination, scenario.steps)]
+    for n, (begin, end) in enumerate(pairwise(ends)):
+        ax.axvspan(begin, end, color=("0.84", "0.93", "1.0")[n], linewidth=0, zorder=0)
+        number = ("1", "2", "4")[n]
+        top = {"ha": "center", "va": "bottom", "fontsize": 9}
+        ax.text((begin + end) / 2, 1.0, number, transform=ax.get_xaxis_transform(), **top)
+    ax.axvline(ends[2], color="0.3", linewidth=1.2, linestyle="-", zorder=1)
+    ax.text(ends[2], 1.0, "3", transform=ax.get_xaxis_transform(), **top)
 
 
 def perceptron(hidden: int, shown: int = 5) -> Figure:
@@ -106,36 +161,111 @@ def examination(scenario: Scenario) -> Figure:
 
 
 def algorithm(scenario: Scenario) -> Figure:
-    """Draw the four stages with their steps (Figure 5)."""
-    first = scenario.examination
-    lines = (
-        f"1  settling\nsteps 0 to {scenario.settle - 1}",
-        f"2  collecting\nsteps {scenario.settle} to {first - 1}",
-        f"3  teaching\nat step {first - 1}",
-        f"4  examination\nsteps {first} to {scenario.steps - 1}",
-        f"re-teaching\nevery {scenario.interval} steps",
-    )
-    places = [(0.0, 1.0), (2.6, 1.0), (5.2, 1.0), (7.8, 1.0), (6.5, -0.2)]
+    """Draw the cycle as a flow chart: boxes do, rhombs decide (Figure 5)."""
+    fig, ax = plt.subplots(figsize=(8.8, 6.4))
+    first, answers = scenario.examination, {"measurement": "z", "estimate": "x"}
+    asked = answers[scenario.examination_input]
     boxes = {
-        str(n): (*place, text) for n, (place, text) in enumerate(zip(places, lines, strict=True))
+        "measure": (0.0, 8.0, "next step i\nmeasure z(i)"),
+        "filter": (0.0, 6.8, f"numerical filter, w1 = {scenario.w1:g}\nestimate x(i)"),
+        "settle": (3.3, 5.4, "1  settling\ngive out x(i)"),
+        "collect": (3.3, 3.7, "2  collecting\nkeep the pair z(i), x(i)\ngive out x(i)"),
+        "examine": (0.0, 2.0, f"4  examination\ngive out the network's\nanswer to {asked}(i)"),
+        "again": (
+            3.3,
+            0.5,
+            f"re-teaching\nlesson: the last {scenario.pairs} pairs\n"
+            f"at most {scenario.reteach_epochs} epochs",
+        ),
+        "teach": (8.6, 2.0, f"3  teaching: one epoch\ndelta rule, rate {scenario.rate:g}"),
+        "ready": (8.6, 6.8, "keep the weights"),
     }
-    arrows = [(start, end, "") for start, end in ("01", "12", "23", "34", "42")]
-    return plots.diagram(boxes, arrows, (8.2, 2.6))
+    rhombs = {
+        "early": (0.0, 5.4, f"i < {scenario.settle} ?"),
+        "lesson": (0.0, 3.7, f"i < {first} ?"),
+        "full": (5.9, 3.7, f"{scenario.pairs} pairs ?"),
+        "due": (0.0, 0.5, f"{scenario.interval} steps since\nthe last teaching ?"),
+        "stop": (8.6, 4.4, f"{scenario.reading} error\n< {scenario.delta:g}, or\n"
+                 f"{scenario.max_epochs} epochs ?"),
+    }  # fmt: skip
+    shapes, centre = {}, {}
+    for name, (x, y, text) in boxes.items():
+        drawn = ax.text(x, y, text, ha="center", va="center", fontsize=9, bbox=_BOX, zorder=3)
+        shapes[name], centre[name] = drawn.get_bbox_patch(), (x, y)
+    for name, (x, y, text) in rhombs.items():
+        half, high = (1.45, 0.8) if "\n" in text else (1.0, 0.5)
+        corners = [(x - half, y), (x, y + high), (x + half, y), (x, y - high)]
+        shapes[name], centre[name] = Polygon(corners, fc="white", ec="black", zorder=3), (x, y)
+        ax.add_patch(shapes[name])
+        ax.text(x, y, text, ha="center", va="center", fontsize=8.5, zorder=4)
+    for begin, corners, end in _WAYS:
+        way = [centre[begin], *corners, centre[end]]
+        ax.plot(*zip(*way[:-1], strict=True), color="black", linewidth=1, linestyle="-", zorder=1)
+        ends = {"patchB": shapes[end]} | ({} if corners else {"patchA": shapes[begin]})
+        ax.annotate("", way[-1], way[-2], arrowprops=_ARROW | ends, zorder=2)
+    for x, y, word in _WORDS:
+        ax.text(x, y, word, fontsize=8.5, ha="center", va="center")
+    ax.set(xlim=(-2.4, 10.7), ylim=(-0.5, 8.6))
+    ax.axis("off")
+    return fig
 
 
-def examples(done: dict[str, Course], names: tuple[str, ...], run: int = 0) -> Figure:
-    """Draw one run of every course, both components (Figure 6)."""
-    fig, axes = plt.subplots(len(done), 2, figsize=(8.4, 2.1 * len(done)), sharex=True)
+_BOX = {"boxstyle": "round,pad=0.4", "facecolor": "0.92", "edgecolor": "black"}
+_ARROW = {"arrowstyle": "-|>", "color": "black", "shrinkA": 0, "shrinkB": 0}
+# The ways through the flow chart, by their corners, and the words at the rhombs.
+_WAYS = (
+    ("measure", (), "filter"),
+    ("filter", (), "early"),
+    ("early", (), "settle"),
+    ("early", (), "lesson"),
+    ("lesson", (), "collect"),
+    ("lesson", (), "examine"),
+    ("examine", (), "due"),
+    ("due", (), "again"),
+    ("again", ((8.6, 0.5),), "teach"),
+    ("collect", (), "full"),
+    ("full", ((7.15, 3.7), (7.15, 2.0)), "teach"),
+    ("teach", (), "stop"),
+    ("stop", ((10.4, 4.4), (10.4, 2.0)), "teach"),
+    ("stop", (), "ready"),
+    ("ready", ((8.6, 8.0),), "measure"),
+    ("settle", ((5.9, 5.4), (5.9, 8.0)), "measure"),
+    ("full", ((5.9, 8.0),), "measure"),
+    ("due", ((-2.2, 0.5), (-2.2, 8.0)), "measure"),
+)
+_WORDS = (
+    (1.3, 5.58, "yes"),
+    (0.3, 4.68, "no"),
+    (1.3, 3.88, "yes"),
+    (0.3, 2.98, "no"),
+    (1.65, 0.68, "yes"),
+    (-1.65, 0.68, "no"),
+    (7.3, 3.88, "yes"),
+    (6.2, 4.4, "no"),
+    (8.95, 5.4, "yes"),
+    (10.15, 4.58, "no"),
+)
+
+
+def examples(
+    scenario: Scenario, done: dict[str, Course], names: tuple[str, ...], run: int = 0
+) -> Figure:
+    """Draw one run of every course, both components, with the stages (Figure 6)."""
+    fig, axes = plt.subplots(len(done), 2, figsize=(8.4, 2.2 * len(done)), sharex=True)
+    first = scenario.examination
     for row, (course, result) in zip(axes, done.items(), strict=True):
         time = STEP * np.arange(len(result.truth))
         for k, ax in enumerate(row):
-            ax.plot(time, result.z[run, :, k], ".", color="0.7", markersize=3, label="unfiltered")
+            ax.plot(time, result.z[run, :, k], label="unfiltered", **DOTS)
             ax.plot(time, result.truth[:, k], color="black", linestyle="-", label="truth")
             for name in names:
-                estimate = result.estimates[name][run, :, k]
-                ax.plot(time, estimate, label=name, **style(name))
+                # Until the examination an estimate is the teacher's, whoever gives it.
+                begin = 0 if name == "teacher" else first
+                estimate = result.estimates[name][run, begin:, k]
+                ax.plot(time[begin:], estimate, label=name, **style(name))
+            _stages(ax, scenario)
             ax.set_ylabel(f"{('north', 'east')[k]} (m/s)")
-            ax.set_title(course)
+            ax.set_title(course, pad=14)
     for ax in axes[-1]:
         ax.set_xlabel("time (s)")
     handles, labels = axes[0, 0].get_legend_handles_labels()
