@@ -1,6 +1,6 @@
 """Paper 4: the pictures. Each function returns a matplotlib figure."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from seanav import plots
+from seanav.estimates import significant
 from seanav.models import earth
 from seanav.models.trajectories import Trajectory
 from seanav.models.units import KM
@@ -36,31 +37,28 @@ def _axes(columns=2, height=3.4, rows=1):
     return fig, axes
 
 
-def structure(models: int = 2) -> Figure:
-    """Draw the four steps of the IMM (figure 1)."""
-    fig, axis = plt.subplots(figsize=(8.5, 3.6))
-    axis.set(xlim=(0, 10), ylim=(0, 4))
-    axis.axis("off")
-    box = {"boxstyle": "round,pad=0.35", "fc": "white", "ec": "0.3"}
-    arrow = {"arrowstyle": "->", "color": "0.3"}
-
-    def put(x, y, text):
-        axis.text(x, y, text, ha="center", va="center", bbox=box, fontsize=9)
-
-    put(1.3, 2, "interaction\n(20)-(22)")
-    put(5.9, 0.5, "mode probability (24), (25)")
-    put(8.6, 2, "combination\n(26)")
-    for j in range(models):
-        y = 3.3 - 1.3 * j
-        put(4.6, y, f"AFEKF {j + 1}: current model $\\sigma_{{f,{j + 1}}}$\n(14)-(17), (23)")
-        axis.annotate("", (3.0, y), (2.2, 2), arrowprops=arrow)
-        axis.annotate("", (7.7, 2), (6.2, y), arrowprops=arrow)
-        axis.annotate("", (6.6, 0.85), (6.2, y), arrowprops=arrow)
-    axis.annotate("", (8.6, 1.5), (7.6, 0.5), arrowprops=arrow)
-    axis.annotate("", (1.3, 1.5), (4.0, 0.5), arrowprops=arrow)
-    axis.text(2.1, 0.6, "previous $\\mu$, $\\hat x_j$, $P_j$", fontsize=8)
-    axis.text(4.6, 3.95, "increments, log", fontsize=8, ha="center")
-    return fig
+def structure() -> Figure:
+    """Draw one second of the IMM of two adaptive fading EKFs (figure 1)."""
+    boxes = {
+        "mix": (0.0, 1.5, "interaction\n(20)–(22)"),
+        "increments": (2.3, 1.5, "increments\n$\\theta$, $\\Delta v$"),
+        "log": (3.9, 1.5, "log\n$z$"),
+        "modes": (6.4, 1.5, "mode probabilities\n(24), (25)"),
+        "all": (9.0, 1.5, "combination\n(26)"),
+        "kept": (3.1, -1.4, "kept for the next second: $\\mu_j$, $\\hat x_j^+$, $P_j^+$"),
+    }
+    arrows = [("modes", "all", "$\\mu_j$, $\\hat x_j^+$, $P_j^+$")]
+    for j, y in ((1, 3.0), (2, 0.0)):
+        text = f"AFEKF {j}: current model $\\sigma_{{f,{j}}}$\n(14)–(17), (23)"
+        boxes[f"filter {j}"] = (3.1, y, text)
+        arrows += [
+            ("mix", f"filter {j}", f"$\\hat x_{j}^0$, $P_{j}^0$"),
+            ("increments", f"filter {j}", ""),
+            ("log", f"filter {j}", ""),
+            (f"filter {j}", "modes", f"$\\rho_{j}$, $S_{j}$, $\\hat x_{j}^+$, $P_{j}^+$"),
+        ]
+    arrows += [("modes", "kept", ""), ("kept", "mix", "")]
+    return plots.diagram(boxes, arrows, (9.2, 4.2), 0.5)
 
 
 def trajectory(path: Trajectory) -> Figure:
@@ -85,22 +83,23 @@ def tcep_and_rate(
     """Draw (a) TCEP and (b) its rate against sigma_T with 95 % bands (figures 3 to 5).
 
     `flown` is the sweep, a `flown.Flown`; `linear` maps names to exact TCEPs on the grid,
-    drawn as thin dashes.
+    drawn as crosses.
     """
     fig, (left, right) = _axes()
     grid = flown.grid
     for name in [PURE, BEST, *names]:
         look = style(name)
         plots.band(left, grid, flown.curve(scores.tcep, name), name, **look)
-        if linear and name in linear:
-            left.plot(grid, linear[name], "--", color="0.4", lw=0.8)
         if name in names:
             plots.band(right, grid, flown.rates(name), name, **look)
+    for k, exact in enumerate((linear or {}).values()):
+        label = "exact (linear covariance)" if k == 0 else None
+        left.plot(grid, exact, ls="none", marker="x", color="black", ms=5, label=label)
     left.set(xlabel=SIGMA, ylabel="TCEP (m)", ylim=(0, None), title="(a)")
     right.axhline(100, color="k", lw=0.8)
     right.axhline(90, color="0.6", lw=0.8, ls=":")
     right.set(xlabel=SIGMA, ylabel="TCEP rate (%)", title="(b)")
-    left.legend(fontsize=7)
+    left.legend(fontsize=8)
     return fig
 
 
@@ -149,26 +148,66 @@ def losses(grid: Sequence, panels: dict[str, dict[str, list[float]]]) -> Figure:
     return fig
 
 
-def bars(
-    names: Sequence,
-    values: Sequence,
-    xlabel: str,
-    *,
-    log: bool = False,
-    mark: float | None = None,
-    most: float = np.inf,
-) -> Figure:
-    """Draw one horizontal bar for each name; one above `most` is cut and says so."""
+def bars(names: Sequence, values: Sequence, xlabel: str, *, mark: float | None = None) -> Figure:
+    """Draw one horizontal bar for each name; `mark` is a dotted line."""
     fig, axis = plt.subplots(figsize=(6.2, 0.9 + 0.27 * len(names)))
-    axis.barh(range(len(names)), np.minimum(values, most), color="0.45")
-    for k, value in enumerate(values):
-        if value > most:
-            axis.text(most, k, "diverges ", ha="right", va="center", color="w", fontsize=8)
+    axis.barh(range(len(names)), values, color="0.45")
     axis.set_yticks(range(len(names)), names, fontsize=8)
     axis.invert_yaxis()
     axis.set(xlabel=xlabel)
-    if log:
-        axis.set_xscale("log")
     if mark is not None:
         axis.axvline(mark, color="k", ls=":")
+    return fig
+
+
+def pairs_of_bars(
+    names: Sequence, series: Mapping[str, Sequence], xlabel: str, most: float
+) -> Figure:
+    """Draw, for each name, one horizontal bar of each series, on a logarithmic axis.
+
+    A bar above `most` is cut and says that it diverges.
+    """
+    fig, axis = plt.subplots(figsize=(6.8, 1.0 + 0.42 * len(names)))
+    height = 0.8 / len(series)
+    looks: tuple[dict[str, Any], ...] = (
+        {"color": "0.35"},
+        {"color": "0.8", "hatch": "///", "edgecolor": "0.2"},
+    )
+    for k, (label, values) in enumerate(series.items()):
+        places = np.arange(len(names)) + (k - (len(series) - 1) / 2) * height
+        axis.barh(places, np.minimum(values, most), height, label=label, **looks[k % 2])
+        for place, value in zip(places, values, strict=True):
+            said = "diverges" if value > most else significant(value)
+            axis.text(min(value, most) * 1.05, place, said, va="center", fontsize=8)
+    axis.set_yticks(range(len(names)), names)
+    axis.invert_yaxis()
+    axis.set(xlabel=xlabel, xscale="log", xlim=(None, most * 4))
+    axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=len(series), fontsize=8)
+    return fig
+
+
+def printed_and_ours(rows: Mapping[str, Sequence[tuple]], shares: Sequence[float]) -> Figure:
+    """Draw ours / printed of the cells of a table, one panel for each column.
+
+    Parameters
+    ----------
+    rows : mapping
+        (filter, start of the current) -> for each column (ratio, low, high).
+    shares : sequence of float
+        For each column twice the relative standard error of the printed number: a grey stripe.
+    """
+    fig, axes = plt.subplots(
+        1, len(scores.COLUMNS), figsize=(9.4, 1.1 + 0.3 * len(rows)), sharey=True
+    )
+    for axis, column, share, j in zip(axes, scores.COLUMNS, shares, range(len(axes)), strict=True):
+        axis.axvspan(1 - share, 1 + share, color="0.88")
+        axis.axvline(1.0, color="k", lw=0.8)
+        for place, (name, cells) in enumerate(rows.items()):
+            value, low, high = cells[j]
+            hollow = {"mfc": "white"} if "stationary" in name else {}
+            axis.plot([low, high], [place, place], color="0.3", ls="-", lw=1.2)
+            axis.plot(value, place, "o", color="0.1", ms=5, **hollow)
+        axis.set(xlabel="ours / printed", title=column)
+    axes[0].set_yticks(range(len(rows)), list(rows), fontsize=8)
+    axes[0].invert_yaxis()
     return fig

@@ -6,6 +6,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import stats
 
 from seanav import estimates
 from seanav.estimates import Estimate, Statistic, rms
@@ -168,6 +169,32 @@ def radial_curves(flight: Flight) -> tuple[np.ndarray, ...]:
     count = np.arange(1, len(north) + 1)
     running = [np.sqrt(np.cumsum((e**2).mean(axis=1)) / count) for e in (north, east)]
     return radial, cep, TCEP * (running[0] + running[1])
+
+
+def radial_bands(flight: Flight) -> dict[str, list[Estimate]]:
+    """Return RMS, CEP and TCEP (m) at each record with their intervals, runs as samples.
+
+    The interval of the CEP, a median, has two of the sorted errors as its ends: each lies on
+    its side of the true median with a probability of at least 97.5 %.
+    """
+    _, cep, _ = radial_curves(flight)
+    squared = np.stack([flight.series.north**2, flight.series.east**2])  # (2, records, runs)
+    sizes = np.sort(np.sqrt(squared.sum(axis=0)), axis=1)
+    records, runs = sizes.shape
+    first = max(int(stats.binom.ppf(0.025, runs, 0.5)) - 1, 0)
+    ends = sizes[:, first], sizes[:, runs - 1 - first]
+    medians = [
+        Estimate(float(m), float(low), float(high), float(high - low) / 4, runs)
+        for m, low, high in zip(cep, *ends, strict=True)
+    ]
+    count = np.arange(1, records + 1)[:, None]
+    north, east = (rms((np.cumsum(part, axis=0) / count).T) for part in squared)
+    running = TCEP * (north + east)
+    return {
+        "RMS": radial_rms(flight),
+        "CEP": medians,
+        "TCEP": [running[k].estimate() for k in range(records)],
+    }
 
 
 def falls(flight: Flight, first: int, last: int) -> tuple[Estimate, Estimate]:
