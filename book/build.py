@@ -15,7 +15,6 @@ import seanav
 from seanav import runner
 
 HERE = Path(__file__).parent
-LAID, PAGES = ROOT / "build" / "book-source", ROOT / "build" / "book"
 PRIVATE = ("__main__", "_", "runner", "environment")
 HIDDEN = (".studies", ".exercises.")  # rooms of the papers; the right answers
 
@@ -37,64 +36,70 @@ def reference() -> str:
     return "# The functions\n\n" + "\n".join(blocks)
 
 
-def listing(text: str) -> str:
-    """Return the front page, its lists without the pages that are not there."""
-    there = [line for line in text.splitlines() if not re.fullmatch(r"\w+", line) or known(line)]
-    return "\n".join(there) + "\n"
+def listing(text: str, folder: Path) -> str:
+    """Return the front page without the lines that name pages which are not in `folder`."""
+    name = re.compile(r"(?:- \[.*?\]\()?(\w+)(?:\.\w+\).*)?")
+    pages = {page.stem for page in folder.iterdir()}
+    found = [(name.fullmatch(line), line) for line in text.splitlines()]
+    return "".join(f"{line}\n" for named, line in found if not named or named[1] in pages)
 
 
-def known(name: str) -> bool:
-    """Return whether there is a page of this name."""
-    return any((LAID / f"{name}{suffix}").exists() for suffix in (".md", ".ipynb"))
-
-
-def lay_out() -> None:
-    """Write the sources that Sphinx reads."""
-    shutil.rmtree(LAID, ignore_errors=True)
+def lay_out(laid: Path) -> None:
+    """Write the sources that Sphinx reads into the folder `laid`."""
+    shutil.rmtree(laid, ignore_errors=True)
     ignored = shutil.ignore_patterns("build.py", "chapters.py", "__pycache__")
-    shutil.copytree(HERE, LAID, ignore=ignored)
-    files = LAID / "files"  # copied as they are
+    shutil.copytree(HERE, laid, ignore=ignored)
+    files = laid / "files"  # copied as they are
     (files / "downloads").mkdir(parents=True)
     for stem in stems():
-        nbformat.write(chapter(stem), LAID / f"{stem}.ipynb")
+        nbformat.write(chapter(stem), laid / f"{stem}.ipynb")
         shutil.copy(ROOT / "notebooks" / f"{stem}.ipynb", files / "downloads")
         nbformat.write(handout(stem), files / "downloads" / f"{stem}_handout.ipynb")
         if (ROOT / "paper_figures" / stem).exists():
             shutil.copytree(ROOT / "paper_figures" / stem, files / stem)
     for name in ("claims.png", "REPORT.md"):
         if (ROOT / "paper_figures" / name).exists():
-            shutil.copy(ROOT / "paper_figures" / name, LAID)
-    (LAID / "api.md").write_text(reference(), encoding="utf-8")
-    sources = set()
-    for page in [*HERE.glob("*.md"), *(ROOT / "notebooks" / f"{stem}.ipynb" for stem in stems())]:
-        sources |= {found[1] for found in SOURCE.finditer(page.read_text(encoding="utf-8"))}
-    for page in LAID.glob("*.md"):
+            shutil.copy(ROOT / "paper_figures" / name, laid)
+    (laid / "api.md").write_text(reference(), encoding="utf-8")
+    for page in laid.glob("*.md"):
         text = relink(page.read_text(encoding="utf-8"))
-        page.write_text(text.replace("<!-- exercises -->\n", exercises(stems())), "utf-8")
-    (LAID / "code").mkdir()
-    for source in sources:
-        name = source.replace("/", ".")
-        shutil.copy(ROOT / f"{source}.py", LAID / "code" / f"{name}.py")
-        text = f"---\norphan: true\n---\n\n# {source}.py\n\n"
-        text += f"```{{literalinclude}} {name}.py\n:language: python\n:lineno-match:\n```\n"
-        (LAID / "code" / f"{name}.md").write_text(text, encoding="utf-8")
-    front = LAID / "index.md"
-    front.write_text(listing(front.read_text(encoding="utf-8")), encoding="utf-8")
+        text = text.replace("<!-- exercises -->\n", exercises(stems()))
+        page.write_text(listing(text, laid) if page.stem == "index" else text, encoding="utf-8")
+    (laid / "code").mkdir()
+    pages = [*HERE.glob("*.md"), *(ROOT / "notebooks" / f"{stem}.ipynb" for stem in stems())]
+    for source in {s for page in pages for s in SOURCE.findall(page.read_text(encoding="utf-8"))}:
+        show(source, laid / "code")
     # From a package: nothing is fetched when a page is read.
     mathjax = Path(importlib.util.find_spec("mathjax").origin).parent / "static/mathjax/es5"
-    target = LAID / "_static" / "mathjax"
+    target = laid / "_static" / "mathjax"
     shutil.copytree(mathjax / "input", target / "input")
     shutil.copy(mathjax / "tex-svg.js", target)
 
 
+def show(source: str, folder: Path) -> None:
+    """Write the page of a source file that some chapter links to."""
+    name = source.replace("/", ".")
+    shutil.copy(ROOT / f"{source}.py", folder / f"{name}.py")
+    text = f"---\norphan: true\n---\n\n# {source}.py\n\n"
+    text += f"```{{literalinclude}} {name}.py\n:language: python\n:lineno-match:\n```\n"
+    (folder / f"{name}.md").write_text(text, encoding="utf-8")
+
+
+def build(folder: Path) -> subprocess.CompletedProcess:
+    """Build the book in `folder`: the pages lie in its folder `book`."""
+    laid, pages = folder / "book-source", folder / "book"
+    lay_out(laid)
+    shutil.rmtree(pages, ignore_errors=True)
+    command = [sys.executable, "-m", "sphinx", "-q", "-j", "2", "-b", "html", "-E"]
+    command += ["-d", str(folder / "book-doctrees"), str(laid), str(pages)]
+    return subprocess.run(command, check=False, stderr=subprocess.PIPE, encoding="utf-8")
+
+
 def main() -> int:
-    """Lay out the sources and call Sphinx; return its exit status."""
-    lay_out()
-    shutil.rmtree(PAGES, ignore_errors=True)
-    command = [sys.executable, "-m", "sphinx", "-q", "-j", "2", "-b", "html"]
-    command += ["-d", str(PAGES.with_name("book-doctrees")), "-E", str(LAID), str(PAGES)]
-    done = subprocess.run(command, check=False)
-    print(f"{len(list(PAGES.glob('*.html')))} pages in {PAGES.relative_to(ROOT)}/")
+    """Build the book; return the exit status of Sphinx."""
+    done = build(ROOT / "build")
+    print(done.stderr, end="", file=sys.stderr)
+    print(f"{len(list((ROOT / 'build/book').glob('*.html')))} pages in build/book/")
     return done.returncode
 
 

@@ -112,8 +112,8 @@ def table(stem: str, caption: str, lines: list[str]) -> tuple[str, int]:
     body = "".join(f"<tr>{''.join(map(entry, row))}</tr>" for row in rows[1:])
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in rows[0])
     grid = (
-        f'<div class="table-wrapper" tabindex="0"><table><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
+        '<div class="table-wrapper" tabindex="0"><table class="docutils">'
+        f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
     if len(rows) - 1 > LONG:
         grid = f"<details><summary>{len(rows) - 1} rows</summary>{grid}</details>"
@@ -190,8 +190,8 @@ def chapter(stem: str) -> nbformat.NotebookNode:
             cell.source = relink(
                 re.sub(r"^(### Exercise (\d+\.\d+) )", r"(exercise-\2)=\n\1", cell.source)
             )
-    title, _, rest = book.cells[0].source.partition("\n")
-    book.cells[0].source = f"{title}\n\n{downloads(book, stem)}\n{rest}"
+    _, _, rest = book.cells[0].source.partition("\n")
+    book.cells[0].source = f"# {title(stem)}\n\n{downloads(book, stem)}\n{rest}"
     folder = ROOT / "paper_figures" / stem
     files = sorted(folder.glob("figure_*.pdf")) + sorted(folder.glob("*.csv"))
     if files:
@@ -199,6 +199,13 @@ def chapter(stem: str) -> nbformat.NotebookNode:
         text = f'## Files to take along\n\n<p class="files">{", ".join(links)}</p>'
         book.cells.append(new_markdown_cell(text))
     return book
+
+
+def title(stem: str) -> str:
+    """Return what a chapter is called: it says which paper it is about."""
+    number = stem.partition("_")[0]
+    name = runner.notebook(ROOT, stem).cells[0].source.partition("\n")[0].lstrip("# ")
+    return f"Paper {number}: {name}" if int(number) else name
 
 
 def link(target: str, words: str) -> str:
@@ -230,11 +237,10 @@ def exercises(stems: list[str]) -> str:
     """Return the table of all exercises, the easy and short ones first."""
     found = []
     for stem in stems:
-        book = runner.notebook(ROOT, stem)
-        title = book.cells[0].source.partition("\n")[0].lstrip("# ")
-        found += [(e.stars, e.minutes, stem, title, e) for e in stated(book.cells)]
+        cells = runner.notebook(ROOT, stem).cells
+        found += [(e.stars, e.minutes, stem, e) for e in stated(cells)]
     rows = ["| difficulty | minutes | exercise | chapter |", "|---|---|---|---|"]
-    for stars, minutes, stem, title, e in sorted(found, key=lambda row: row[:3]):
-        exercise = f"[{e.number} {e.title}](#exercise-{e.number})"
-        rows.append(f"| {stars} | {minutes} | {exercise} | [{title}]({stem}.ipynb) |")
+    for stars, minutes, stem, e in sorted(found, key=lambda row: row[:3]):
+        exercise = f"[{e.number}](#exercise-{e.number}) {e.title}"
+        rows.append(f"| {stars} | {minutes} | {exercise} | [{title(stem)}]({stem}.ipynb) |")
     return "\n".join(rows) + "\n" if found else "There are none yet.\n"

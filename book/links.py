@@ -21,6 +21,10 @@ def places(document: nodes.document) -> dict:
     """Give each numbered equation a place; return the places of a chapter by (kind, number)."""
     found = {}
     for block in document.findall(nodes.math_block):
+        if TAG.search(block.astext()):
+            # As it stands: Sphinx puts what has lines into an environment that takes no tag.
+            block["no-wrap"] = True
+            block[:] = [nodes.Text(rf"\[{block.astext()}\]")]
         for number in re.findall(NUMBER, " ".join(TAG.findall(block.astext()))):
             if ("equation", number.lower()) not in found:
                 block["ids"].append(f"equation-{number.lower()}")
