@@ -35,7 +35,7 @@ CLAIMS = (
         section="section IV.B",
         reading="With the single factor the RMSE of every state after the fault is below the "
         "optimal filter's, in every setting",
-        shown=("figure_05", "table_1", "table_3"),
+        shown=("figure_05", "table_T2", "table_T4"),
     ),
     Claim(
         number="3.5",
@@ -45,7 +45,7 @@ CLAIMS = (
         section="section IV.C",
         reading="With multiple factors β stays under its threshold as in 3.3, and the RMSE of "
         "every state is below the optimal filter's as in 3.4",
-        shown=("figure_06", "figure_07", "table_1", "table_3"),
+        shown=("figure_06", "figure_07", "table_T2", "table_T4"),
     ),
     Claim(
         number="3.6",
@@ -53,7 +53,7 @@ CLAIMS = (
         section="section IV.C",
         reading="At equal μ, and against the single factor as printed (μ = 1), multiple factors "
         "have the smaller RMSE in every state, and win most random settings",
-        shown=("table_3", "table_B2", "figure_B5"),
+        shown=("table_T4", "table_T6", "figure_B5"),
     ),
     Claim(
         number="3.7",
@@ -62,7 +62,7 @@ CLAIMS = (
         section="abstract, section III.B, section V",
         reading="Before the fault the RMSE (geometric mean of the states) is within one per cent "
         "of the optimal filter's; the per cent is ours",
-        shown=("table_1", "figure_B3"),
+        shown=("table_T2", "figure_B3"),
     ),
     Claim(
         number="3.8",
@@ -71,7 +71,7 @@ CLAIMS = (
         section="section V",
         reading="No earlier innovation is kept, and a step takes at most twice the optimal "
         "filter's multiplications; the factor of two is ours",
-        shown=("table_B6",),
+        shown=("table_T8",),
     ),
     Claim(
         number="3.9",
@@ -80,7 +80,7 @@ CLAIMS = (
         section="section V",
         reading="In both planes the RMSE of every state after the fault is below the optimal "
         "filter's",
-        shown=("table_1", "table_2", "table_3"),
+        shown=("table_T2", "table_T3", "table_T4"),
     ),
     Claim(
         number="3.10",
@@ -89,7 +89,7 @@ CLAIMS = (
         section="sections IV.B and IV.C",
         reading="RMSE at most a tenth above that without a fault, at most 5 % of the squared error "
         "common to all runs, NEES within a tenth of the number of states",
-        shown=("figure_05", "figure_07", "figure_B6", "table_B3"),
+        shown=("figure_05", "figure_07", "figure_B6", "table_T7"),
     ),
     Claim(
         number="3.11",
@@ -98,7 +98,7 @@ CLAIMS = (
         section="abstract, section I",
         reading="Before the fault the optimal filter's mean NEES is the number of states, within "
         "two standard errors",
-        shown=("table_B3",),
+        shown=("table_T7",),
     ),
     Claim(
         number="3.12",
@@ -106,7 +106,7 @@ CLAIMS = (
         section="section I",
         reading="A step takes fewer multiplications than innovation-based adaptation with the same "
         "window, and than the fewest filters in parallel, two",
-        shown=("table_B6",),
+        shown=("table_T8",),
     ),
     Claim(
         number="3.13",
@@ -115,7 +115,7 @@ CLAIMS = (
         section="section III.B",
         reading="If the true Q grows hundredfold, the optimal filter is a tenth worse than one "
         "that knows it, and the fading ones beat it; both numbers are ours",
-        shown=("table_B5",),
+        shown=("table_T9",),
     ),
     Claim(
         number="3.14",
@@ -123,7 +123,7 @@ CLAIMS = (
         "error",
         section="section III.B.1",
         reading="While the vehicle is healthy, rule (24) is met in at most α of the samples",
-        shown=("table_B4",),
+        shown=("table_T5",),
     ),
     Claim(
         number="3.15",
@@ -132,7 +132,7 @@ CLAIMS = (
         section="section III.B.2",
         reading="P of the fading filters is nowhere below the optimal filter's, and its trace "
         "after the fault is larger",
-        shown=("table_B7",),
+        shown=("table_T10",),
     ),
     Claim(
         number="3.16",
@@ -141,7 +141,7 @@ CLAIMS = (
         section="section III.B.1",
         reading="The factor's mean excess over one falls at least to half from the first fifth of "
         "the run after the fault to the last; fifth and half are ours",
-        shown=("table_B7",),
+        shown=("table_T10",),
     ),
     Claim(
         number="3.17",
@@ -150,7 +150,7 @@ CLAIMS = (
         section="section III.B.1",
         reading="In random settings a fading filter is clearly worse than the optimal one no "
         "oftener than a 95 % interval errs by chance, 2.5 %",
-        shown=("table_B2",),
+        shown=("table_T6",),
     ),
     Claim(
         number="3.18",
@@ -167,14 +167,14 @@ CLAIMS = (
         section="section V, section III.B.1",
         reading="After the fault the mean of β after adaptation is the number of measurements, "
         "within a tenth; the tenth is ours",
-        shown=("table_B7",),
+        shown=("table_T10",),
     ),
     Claim(
         number="3.20",
         quote="When there is an actuator fault, the real error will exceed the theoretical one",
         section="section III.B.2",
         reading="After the fault the optimal filter's mean NEES is above the number of states",
-        shown=("table_B3",),
+        shown=("table_T7",),
     ),
     Claim(
         number="3.21",

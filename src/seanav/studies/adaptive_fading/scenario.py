@@ -100,7 +100,7 @@ class Scenario(Parameters):
         10.0,
         Number(at_least=1, at_most=1e9),
         origin="ours",
-        note="factor of the baseline: the best of 1, 3, 10, 30, 100 after the fault (exercise 1)",
+        note="factor of the baseline: the best of 1, 3, 10, 30, 100 after the fault (exercise 3.6)",
     )
     bias_walk_rad: float = parameter(
         0.01,
