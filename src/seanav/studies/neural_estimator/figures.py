@@ -26,7 +26,7 @@ KINDS = {
     "intermediate": plots.look("Kalman"),
     "frozen network": plots.look("network"),
 }
-DOTS = {"linestyle": "none", "marker": ".", "markersize": 3, "color": "0.65"}
+DOTS: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3, "color": "0.65"}
 
 
 def style(name: str) -> dict[str, Any]:
@@ -171,15 +171,11 @@ def algorithm(scenario: Scenario) -> Figure:
         "settle": (3.3, 5.4, "1  settling\ngive out x(i)"),
         "collect": (3.3, 3.7, "2  collecting\nkeep the pair z(i), x(i)\ngive out x(i)"),
         "examine": (0.0, 2.0, f"4  examination\ngive out the network's\nanswer to {asked}(i)"),
-        "again": (
-            3.3,
-            0.5,
-            f"re-teaching\nlesson: the last {scenario.pairs} pairs\n"
-            f"at most {scenario.reteach_epochs} epochs",
-        ),
+        "again": (3.3, 0.5, f"re-teaching: {scenario.pairs} newest\npairs, at most\n"
+                  f"{scenario.reteach_epochs} epochs"),
         "teach": (8.6, 2.0, f"3  teaching: one epoch\ndelta rule, rate {scenario.rate:g}"),
         "ready": (8.6, 6.8, "keep the weights"),
-    }
+    }  # fmt: skip
     rhombs = {
         "early": (0.0, 5.4, f"i < {scenario.settle} ?"),
         "lesson": (0.0, 3.7, f"i < {first} ?"),
@@ -188,14 +184,15 @@ def algorithm(scenario: Scenario) -> Figure:
         "stop": (8.6, 4.4, f"{scenario.reading} error\n< {scenario.delta:g}, or\n"
                  f"{scenario.max_epochs} epochs ?"),
     }  # fmt: skip
-    shapes, centre = {}, {}
+    shapes: dict[str, Any] = {}
+    centre: dict[str, tuple[float, float]] = {}
     for name, (x, y, text) in boxes.items():
         drawn = ax.text(x, y, text, ha="center", va="center", fontsize=9, bbox=_BOX, zorder=3)
         shapes[name], centre[name] = drawn.get_bbox_patch(), (x, y)
     for name, (x, y, text) in rhombs.items():
         half, high = (1.45, 0.8) if "\n" in text else (1.0, 0.5)
-        corners = [(x - half, y), (x, y + high), (x + half, y), (x, y - high)]
-        shapes[name], centre[name] = Polygon(corners, fc="white", ec="black", zorder=3), (x, y)
+        tips = [(x - half, y), (x, y + high), (x + half, y), (x, y - high)]
+        shapes[name], centre[name] = Polygon(tips, fc="white", ec="black", zorder=3), (x, y)
         ax.add_patch(shapes[name])
         ax.text(x, y, text, ha="center", va="center", fontsize=8.5, zorder=4)
     for begin, corners, end in _WAYS:
@@ -213,7 +210,7 @@ def algorithm(scenario: Scenario) -> Figure:
 _BOX = {"boxstyle": "round,pad=0.4", "facecolor": "0.92", "edgecolor": "black"}
 _ARROW = {"arrowstyle": "-|>", "color": "black", "shrinkA": 0, "shrinkB": 0}
 # The ways through the flow chart, by their corners, and the words at the rhombs.
-_WAYS = (
+_WAYS: tuple[tuple[str, tuple[tuple[float, float], ...], str], ...] = (
     ("measure", (), "filter"),
     ("filter", (), "early"),
     ("early", (), "settle"),

@@ -1,14 +1,14 @@
 """Paper 2: long tables kept whole, shown as pivots that fit a screen."""
 
 import io
-import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 
 from seanav.estimates import significant
 from seanav.report import Report
 
-WIDEST = 10  # of a heading, in letters, before it goes on in the next line
+# A phase beside the name of its course, in few letters.
+PHASES = {"before turn": "before", "turn": "turning", "after turn": "after", "examination": ""}
 
 
 def keep(report: Report, number: int | str, columns: Sequence, rows: list, caption: str) -> None:
@@ -18,45 +18,54 @@ def keep(report: Report, number: int | str, columns: Sequence, rows: list, capti
     print(f"Table {number}. {caption}")
 
 
-def pivot(rows: list, down: Sequence[int], across: Sequence[int], value: int) -> list[list[str]]:
-    """Return a table of texts: headings, then a line for each entry of the columns `down`.
+def pivot(
+    rows: list,
+    down: Sequence[int],
+    across: int,
+    value: int,
+    write: Callable[[float], str] = significant,
+) -> list[list[str]]:
+    """Return a table of texts: the headings, then a line for each entry of the columns `down`.
 
     Parameters
     ----------
     rows : list of sequence
         A long table.
-    down, across : sequence of int
-        Columns whose entries name a line, and a heading, of the new table.
+    down : sequence of int
+        Columns whose entries together name a line of the new table.
+    across : int
+        Column whose entries are its headings.
     value : int
-        Column of the numbers, rounded by `seanav.estimates.significant`; what is missing
-        stays empty.
+        Column of the numbers; where there is none, the place stays empty.
+    write : callable
+        Number -> text.
     """
     found: dict[str, dict[str, str]] = {}
     headings: dict[str, None] = {}
     for row in rows:
-        line, heading = (_name(row, columns) for columns in (down, across))
-        headings[heading] = None
-        found.setdefault(line, {})[heading] = significant(row[value])
+        line = ", ".join(filter(None, (_name(row[k]) for k in down)))
+        headings[_name(row[across])] = None
+        found.setdefault(line, {})[_name(row[across])] = write(row[value])
     lines = [[line, *(cells.get(h, "") for h in headings)] for line, cells in found.items()]
     return [["", *headings], *lines]
 
 
-def _name(row, columns):
-    return " ".join(
-        x if isinstance(x := row[k], str) else f"{x:g}" for k in columns if row[k] != ""
-    )
+def _name(x):
+    return PHASES.get(x, x) if isinstance(x, str) else f"{x:g}"
+
+
+def per_cent(share: float) -> str:
+    """Return a share in per cent."""
+    return significant(100 * share)
 
 
 def show(table: list[list[str]], title: str) -> None:
-    """Print a table of texts under its `title`; long headings take several lines."""
-    headings = [textwrap.wrap(heading, WIDEST) for heading in table[0][1:]]
-    height = max(map(len, headings), default=0)
-    tops = [[""] * (height - len(h)) + h for h in headings]
-    lines = [[title if k == height - 1 else "", *(t[k] for t in tops)] for k in range(height)]
-    lines += table[1:]
+    """Print a table of texts under its `title`, and an empty line after it."""
+    lines = [[title, *table[0][1:]], *table[1:]]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for line in lines:
         print("  ".join(x.ljust(width) for x, width in zip(line, widths, strict=True)).rstrip())
+    print()
 
 
 def widest(rows: list, value: int) -> str:
@@ -65,22 +74,21 @@ def widest(rows: list, value: int) -> str:
     return f"{significant(100 * max(shares, default=0.0), 2)} %"
 
 
-def factors(rows: list, cases: Sequence[tuple[str, str]], title: str) -> None:
-    """Print `scores.factor_rows` as pivots: error by level and phase, and the share won.
+def factors(rows: list, title: str) -> None:
+    """Print `scores.factor_rows` of the whole examination: the error by level and course.
 
-    Only phases of `cases`, which tell of no step twice; of the shares only the phases where
-    any run was won.
+    The last column is the share of runs won on the steady course.
     """
-    told = [
-        [row[0], row[1], "" if row[2] == "examination" else row[2], *row[3:]]
-        for row in rows
-        if (row[1], row[2]) in cases
-    ]
-    show(pivot(told, (0,), (1, 2), 3), title)
-    print("RMSE in m/s; its 95 % interval is at most ±" + widest(told, 3))
-    won = {(row[1], row[2]) for row in told if row[6]}
-    per_cent = [[*row[:6], 100 * row[6]] for row in told if (row[1], row[2]) in won]
-    if per_cent:
-        show(pivot(per_cent, (0,), (1, 2), 6), "won, %")
-    if len(won) < len({(row[1], row[2]) for row in told}):
-        print("no run was won elsewhere" if won else "no run was won anywhere")
+    whole = [row for row in rows if row[2] == "examination"]
+    errors = pivot(whole, (0,), 1, 3)
+    steady = {_name(row[0]): per_cent(row[6]) for row in whole if row[1] == "steady"}
+    errors[0].append("won, steady")
+    for line in errors[1:]:
+        line.append(steady.get(line[0], ""))
+    show(errors, title)
+    print(f"RMSE in m/s, its 95 % interval at most ±{widest(whole, 3)}; runs won in per cent")
+    most = max(whole, key=lambda row: row[6] if row[1] != "steady" else -1.0)
+    if most[6] > 0 and most[1] != "steady":
+        print(f"most runs won elsewhere: {per_cent(most[6])} % ({most[1]}, {_name(most[0])})")
+    else:
+        print("no run was won on the other courses")
