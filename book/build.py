@@ -37,11 +37,15 @@ def reference() -> str:
 
 
 def listing(text: str, folder: Path) -> str:
-    """Return the front page without the lines that name pages which are not in `folder`."""
-    name = re.compile(r"(?:- \[.*?\]\()?(\w+)(?:\.\w+\).*)?")
+    """Return `text` without the lines that name pages which are not in `folder`."""
     pages = {page.stem for page in folder.iterdir()}
-    found = [(name.fullmatch(line), line) for line in text.splitlines()]
-    return "".join(f"{line}\n" for named, line in found if not named or named[1] in pages)
+    kept = []
+    for line in text.splitlines():
+        names = re.findall(r"\]\((\w+)\.(?:md|ipynb)\)", line)
+        names += re.findall(r"^\w+$", line)
+        if pages.issuperset(names):
+            kept.append(line)
+    return "\n".join(kept) + "\n"
 
 
 def lay_out(laid: Path) -> None:
@@ -64,7 +68,9 @@ def lay_out(laid: Path) -> None:
     for page in laid.glob("*.md"):
         text = relink(page.read_text(encoding="utf-8"))
         text = text.replace("<!-- exercises -->\n", exercises(stems()))
-        page.write_text(listing(text, laid) if page.stem == "index" else text, encoding="utf-8")
+        if (HERE / page.name).exists():
+            text = listing(text, laid)
+        page.write_text(text, encoding="utf-8")
     (laid / "code").mkdir()
     pages = [*HERE.glob("*.md"), *(ROOT / "notebooks" / f"{stem}.ipynb" for stem in stems())]
     for source in {s for page in pages for s in SOURCE.findall(page.read_text(encoding="utf-8"))}:
@@ -78,9 +84,9 @@ def lay_out(laid: Path) -> None:
 
 def show(source: str, folder: Path) -> None:
     """Write the page of a source file that some chapter links to."""
-    name = source.replace("/", ".")
-    shutil.copy(ROOT / f"{source}.py", folder / f"{name}.py")
-    text = f"---\norphan: true\n---\n\n# {source}.py\n\n"
+    name, file = source.replace("/", "."), ROOT / f"{source}.py"
+    shutil.copy(file if file.exists() else ROOT / source / "__init__.py", folder / f"{name}.py")
+    text = f"---\norphan: true\n---\n\n# {source}\n\n"
     text += f"```{{literalinclude}} {name}.py\n:language: python\n:lineno-match:\n```\n"
     (folder / f"{name}.md").write_text(text, encoding="utf-8")
 

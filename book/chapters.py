@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FIGURE = re.compile(r"Figure (\w+)\. (.+)")
 TABLE = re.compile(r"Table (\w+)\. (.+)")
 ORIGINS = re.compile(r"name {2,}value {2,}unit {2,}origin")
-SOURCE = re.compile(r"\]\((?:\.\./)+((?:src|tests|benchmarks)/[\w/]+)\.py(?:#\w+)?\)")
+SOURCE = re.compile(r"\]\((?:\.\./)+((?:src|tests|benchmarks)/[\w/]*\w)(?:\.py|/)?(?:#\w+)?\)")
 LONG = 30  # rows, from which on a table is folded
 
 # ---------------------------------------------------------------- names and places
