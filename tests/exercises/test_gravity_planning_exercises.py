@@ -53,7 +53,7 @@ def bent():
     # The mean of h'² by summing over the prior.
     x = np.linspace(-8, 8, 4001)
     weight = np.exp(-0.5 * x**2)
-    mean = (weight * (1 + 2 * x) ** 2).sum() / weight.sum()
+    mean = (weight * (1 + x**2) ** 2).sum() / weight.sum()
     return [(1 + 1 / 4) ** -0.5, (1 + mean / 4) ** -0.5]
 
 
@@ -126,7 +126,7 @@ WRONG = {
         lambda G1, P1, G2, P2, epsilon: True,
         True,
     ),
-    "5.9": ([0.8944, 0.8944], [0.8, 0.4444], [2.0, 0.8944], [0.8165, 0.5345], [0.6667, 0.8944]),
+    "5.9": ([0.8944, 0.8944], [0.8944, 0.7071], [0.8, 0.4], [2.0, 0.8165], [0.6325, 0.8944]),
 }
 
 

@@ -144,10 +144,12 @@ _LABEL_CASES = (
 # 5.9 At the truth, or over the prior ----------------------------------------------------------
 
 
-def _two_bounds(slope=1.0, bend=2.0, noise=2.0, prior=1.0):
-    """Return the roots of the bound at the truth 0 and of the one over the prior, km."""
-    squares = np.array([slope**2, slope**2 + (bend * prior) ** 2])  # h'(0)² and the mean of h'²
-    return 1 / np.sqrt(1 / prior**2 + squares / noise**2)
+def _two_bounds(squares=(1.0, 6.0), R=4.0):
+    """Return the roots of the bound at the truth 0 and of the one over the prior, km.
+
+    The squares are of the slope 1 + x²: at 0, and in the mean, 1 + 2 E[x²] + E[x⁴].
+    """
+    return 1 / np.sqrt(1 + np.array(squares) / R)
 
 
 EXERCISES = {
@@ -278,12 +280,13 @@ EXERCISES = {
     "5.9": Exercise(
         right=_two_bounds,
         mistakes={
-            "The mean of h'² is not the square of the mean of h'.": lambda: _two_bounds(bend=0.0),
-            "Those are variances; their roots are asked for.": lambda: _two_bounds() ** 2,
-            "The prior counts, too.": lambda: 2.0 / np.sqrt([1.0, 5.0]),
-            "Two milligal are the standard deviation; R is a variance.": lambda: _two_bounds(
-                noise=np.sqrt(2.0)
+            "The mean of h'² is not the square of the mean of h'.": lambda: _two_bounds((1.0, 4.0)),
+            "The second one is a mean over all places of the prior.": lambda: _two_bounds(
+                (1.0, 1.0)
             ),
+            "Those are variances; their roots are asked for.": lambda: _two_bounds() ** 2,
+            "The prior counts, too.": lambda: 2.0 / np.sqrt([1.0, 6.0]),
+            "Two milligal are the standard deviation; R is a variance.": lambda: _two_bounds(R=2.0),
             "First the bound at the truth, then the one over the prior.": lambda: _two_bounds()[
                 ::-1
             ],

@@ -77,7 +77,7 @@ def sums_table(scenario: Scenario, scores: dict[str, list[Score]]) -> tuple:
     """Return columns and rows of Table 2 or 3: sum of RMSE in km with its interval per noise."""
     columns = ["path"]
     for mgal in scenario.noise_mgal:
-        columns += [f"R_{mgal:g}", f"R_{mgal:g}_low", f"R_{mgal:g}_high"]
+        columns += [f"R_{mgal:g}", f"low_{mgal:g}", f"high_{mgal:g}"]
     rows = []
     for name, row in scores.items():
         totals = [in_km(one.total) for one in row]
