@@ -61,6 +61,27 @@ def structure() -> Figure:
     return plots.diagram(boxes, arrows, (9.2, 4.2), 0.5)
 
 
+def pattern(F: np.ndarray, struck: Sequence[int]) -> Figure:
+    """Draw which elements of an error dynamics matrix are not zero; `struck` states are out."""
+    fig, axis = plt.subplots(figsize=(4.6, 4.6))
+    rows, columns = np.nonzero(F)
+    axis.plot(columns, rows, "s", color="k", ms=6)
+    for state in struck:
+        axis.axhline(state, color="0.6", lw=4, alpha=0.6, ls="-")
+        axis.axvline(state, color="0.6", lw=4, alpha=0.6, ls="-")
+    for edge in range(3, len(F), 3):
+        axis.axhline(edge - 0.5, color="0.3", lw=0.7, ls="-")
+        axis.axvline(edge - 0.5, color="0.3", lw=0.7, ls="-")
+    names = [r"$\delta p$", r"$\delta v$", r"$\varphi$"]
+    names += [r"$\delta b_a$", r"$\delta b_g$", r"$\delta v_c$"]
+    axis.set_xticks(range(1, len(F), 3), names)
+    axis.set_yticks(range(1, len(F), 3), names)
+    axis.set(xlim=(-0.5, len(F) - 0.5), ylim=(len(F) - 0.5, -0.5), aspect="equal")
+    axis.set(xlabel="driven by the error of", ylabel="rate of the error of")
+    axis.grid(False)
+    return fig
+
+
 def trajectory(path: Trajectory) -> Figure:
     """Draw the path (figure 2)."""
     latitude, longitude, _, _ = path.states()
