@@ -81,9 +81,9 @@ def perceptron(hidden: int, shown: int = 5) -> Figure:
     """Draw the layers of the network (Figure 1)."""
     fig, ax = plt.subplots(figsize=(6.4, 3.6))
     layers = (
-        (0, 2, ("$v_N$", "$v_E$")),
+        (0, 2, ("$z_E$", "$z_N$")),
         (2, shown, ()),
-        (4, 2, (r"$\hat v_N$", r"$\hat v_E$")),
+        (4, 2, (r"$\hat x_E$", r"$\hat x_N$")),
     )
     places = [np.linspace(-1, 1, count) * (count - 1) / 2 for _, count, _ in layers]
     for (x0, *_), y0, (x1, *_), y1 in zip(layers, places, layers[1:], places[1:], strict=False):
@@ -140,7 +140,7 @@ def teaching(scenario: Scenario) -> Figure:
         ("rule", "network", "new weights"),
         ("difference", "stop", ""),
     ]
-    return plots.diagram(boxes, arrows, (7.8, 3.2))
+    return plots.diagram(boxes, arrows, (7.8, 3.2), 0.3)
 
 
 def examination(scenario: Scenario) -> Figure:
