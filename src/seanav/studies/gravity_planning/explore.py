@@ -1,5 +1,7 @@
 """A picture that is drawn anew while a reader moves its sliders."""
 
+from functools import cache
+
 import attrs
 import numpy as np
 from matplotlib import pyplot as plt
@@ -37,6 +39,12 @@ def sail(
     }
 
 
+@cache
+def _defaults() -> tuple[Scenario, GravityMap]:
+    scenario = Scenario()
+    return scenario, scenario.map()
+
+
 def picture(
     noise_mgal: float = 2.0,
     start_east_km: int = 58,
@@ -45,7 +53,7 @@ def picture(
     scenario: Scenario | None = None,
     chart: GravityMap | None = None,
 ) -> Figure:
-    """Draw the path planned from a start for a noise, and how far off the filter is on it.
+    """Draw the path planned from a start for a noise, over M, and how far off the filter is.
 
     Parameters
     ----------
@@ -62,14 +70,17 @@ def picture(
     -------
     Figure
     """
+    if scenario is None and chart is None:
+        scenario, chart = _defaults()
     scenario = Scenario() if scenario is None else scenario
     chart = scenario.map() if chart is None else chart
     north, east = chart.anomaly.shape
     start = min(max(start_east_km, 0), east - 1), min(max(start_north_km, 0), north - 1)
-    fig, (left, right) = plt.subplots(1, 2, figsize=(9.4, 4.2), width_ratios=(1.3, 1))
-    fig.set_layout_engine("constrained", wspace=0.08)
+    # Places by hand: finding them takes as long as drawing, and a reader waits.
+    fig, (left, right) = plt.subplots(1, 2, figsize=(9.4, 4.4), layout="none")
+    fig.subplots_adjust(left=0.06, right=0.98, bottom=0.12, top=0.92, wspace=0.16)
     M = pcrb.information(gravity.gradient(chart), noise_mgal * MGAL) * KM
-    figures.field(left, chart, M, r"information $M$ (1/km)", 8)
+    figures.field(left, chart, M, "", 8, bar=False)
     if start == tuple(scenario.goal):
         left.set_title("the start is the goal: move it")
         right.axis("off")
