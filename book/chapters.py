@@ -241,6 +241,7 @@ def exercises(stems: list[str]) -> str:
         found += [(e.stars, e.minutes, stem, e) for e in stated(cells)]
     rows = ["| difficulty | minutes | exercise | chapter |", "|---|---|---|---|"]
     for stars, minutes, stem, e in sorted(found, key=lambda row: row[:3]):
-        exercise = f"[{e.number}](#exercise-{e.number}) {e.title}"
-        rows.append(f"| {stars} | {minutes} | {exercise} | [{title(stem)}]({stem}.ipynb) |")
+        exercise = f"[{e.number}](#exercise-{e.number}) {e.title[:1].upper()}{e.title[1:]}"
+        where = title(stem).partition(":")[0]
+        rows.append(f"| {stars} | {minutes} | {exercise} | [{where}]({stem}.ipynb) |")
     return "\n".join(rows) + "\n" if found else "There are none yet.\n"

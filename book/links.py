@@ -9,7 +9,7 @@ RESULT = re.compile(r'<figure class="result" id="((figure|table)-(\w+))"')
 NUMBER = r"[A-Z]?\d\w*"
 ONE = re.compile(rf"(?:(?P<kind>[Ff]igure|[Tt]able)s?\s+)?(?P<number>{NUMBER})")
 SEVERAL = re.compile(
-    rf"\({NUMBER}(?:(?:,\s?|–|-|\sand\s){NUMBER})*\)"
+    rf"(?<!\w)\({NUMBER}(?:(?:,\s?|–|-|\sand\s){NUMBER})*\)"
     rf"|\b(?:[Ff]igure|[Tt]able)s?\s+{NUMBER}(?:(?:,\s|–|\sand\s|,\sand\s){NUMBER})*\b"
 )
 # Where a number in brackets is no reference, or is one already.
