@@ -215,7 +215,7 @@ def planar(times: np.ndarray, curves: dict[str, tuple[np.ndarray, ...]]) -> Figu
     for name, (z, trace) in curves.items():
         left.plot(z.real, z.imag, label=NAMES[name], **STYLES[name])
         right.plot(times, trace, label=NAMES[name], **STYLES[name])
-    left.set(xlabel="E u (m/s)", ylabel="E v (m/s)", aspect="equal")
+    left.set(xlabel="mean u (m/s)", ylabel="mean v (m/s)", aspect="equal")
     right.set(xlabel="time (s)", ylabel="var u + var v (m²/s²)")
     left.legend()
     return fig
