@@ -3,6 +3,7 @@
 import attrs
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
 from scipy import stats
 from scipy.linalg import solve_discrete_lyapunov
 from steady import steady_covariance
@@ -10,7 +11,7 @@ from steady import steady_covariance
 from seanav import estimates
 from seanav.checks import ParameterError
 from seanav.filters import adaptive
-from seanav.studies.adaptive_fading import beyond, run, scores
+from seanav.studies.adaptive_fading import beyond, figures, run, scores
 from seanav.studies.adaptive_fading.scenario import Scenario
 
 SMALL = Scenario(runs=20, settings=6, sweep_runs=4)
@@ -373,3 +374,44 @@ def test_innovation_based_adaptation_costs_its_window_and_two_products():
     assert scores.operations(1, 1, "innovation", 7) == plain + 7 + 2
     three = [scores.operations(3, 3, "innovation", w) for w in (1, 20)]
     assert three[1] - three[0] == 19 * 6
+
+
+# What the pictures show ---------------------------------------------------------------------
+
+
+def test_bins_hold_every_random_setting_once_and_share_its_wins():
+    swept = beyond.sweep(attrs.evolve(SMALL, settings=24, sweep_runs=2))
+    whole, _ = beyond.shares(swept, "MFF", "OKF")
+    for criterion, rows in beyond.binned_shares(swept, "MFF", "OKF").items():
+        assert sum(share.count for _, share in rows) == len(swept), criterion
+        won = sum(share.value * share.count for _, share in rows)
+        assert won == pytest.approx(whole.value * len(swept)), criterion
+    one = swept[0]._replace(Q=(1e-6, 3e-5, 2e-4), R=(1e-4, 1e-4, 1e-4))
+    (row,) = beyond.binned_shares([one], "MFF", "OKF")["log₁₀ of largest / smallest Q"]
+    assert row[0] == "2 to 3"  # 200 lies between a hundred and a thousand
+
+
+def test_figures_of_different_filters_have_the_same_axes(outcomes):
+    case, truth, results = outcomes
+    ends = []
+    for name in ("OKF", "SFF(1)", "MFF(20)"):
+        fig = figures.estimates(case, truth, results, name, SMALL.fault_time)
+        ends.append([(ax.get_xlim(), ax.get_ylim()) for ax in fig.axes])
+        labels = [line.get_label() for line in fig.axes[0].lines[:-1]]
+        assert labels == list(dict.fromkeys(["true", "OKF", name]))
+        plt.close(fig)
+    assert ends[0] == ends[1] == ends[2]
+
+
+def test_the_drawn_axes_are_right_handed():
+    # Seen from before, starboard and above: x to the right, y to the left, z down; a triad
+    # that is mirrored would have one of them on the other side.
+    flat, near = figures._seen(np.eye(3))
+    assert flat[0, 0] > 0 > flat[1, 0]
+    assert flat[2, 0] == pytest.approx(0, abs=1e-12)
+    assert flat[2, 1] < 0
+    assert near[0] > 0
+    assert near[1] > 0
+    assert near[2] < 0  # the eye is above, down points away from it
+    out = np.cross([*flat[0], near[0]], [*flat[1], near[1]])
+    np.testing.assert_allclose(out, [*flat[2], near[2]], atol=1e-12)
