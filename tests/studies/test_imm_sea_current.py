@@ -464,6 +464,23 @@ def test_curves_against_time_by_their_definitions(made_up):
     assert smooth.value == pytest.approx(tcep[9] / tcep[2])
 
 
+def test_bands_against_time_hold_the_curves(made_up):
+    bands = scores.radial_bands(made_up[0])
+    for curve, values in zip(bands.values(), scores.radial_curves(made_up[0]), strict=True):
+        assert [e.value for e in curve] == pytest.approx(list(values))
+
+
+def test_the_interval_of_a_median_covers_the_true_one(made_up):
+    # Errors of one metre per axis: half of them lie within 1.1774 m of the truth.
+    one, random, inside = made_up[0], np.random.default_rng(3), 0
+    for _ in range(20):
+        errors = random.standard_normal((12, 18, 100))
+        flight = one._replace(series=one.series._replace(errors=errors))
+        cep = scores.radial_bands(flight)["CEP"]
+        inside += sum(e.low <= math.sqrt(2 * math.log(2)) <= e.high for e in cep)
+    assert inside / 240 == pytest.approx(0.96, abs=0.03)
+
+
 def test_appendix_B_against_the_normal_equations():
     # One update of two correlated numbers, as the inverse of summed information.
     P, R = np.array([[2.0, 0.7], [0.7, 3.0]]), 0.4
