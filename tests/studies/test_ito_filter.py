@@ -287,6 +287,23 @@ def test_figures_draw_what_there_is(change):
         plt.close(fig)
 
 
+def test_pictures_of_the_scalar_example_hold_what_they_are_given():
+    times = np.array([0.0, 1.0, 2.0])
+    fig = figures.closures(
+        times, np.array([[1, 0.5, 0], [1, 4, 9]]), {n: np.ones((2, 3)) for n in moments.CLOSURES}
+    )
+    assert [ax.get_title() for ax in fig.axes] == ["EKF", "truncated", "Gaussian closure"]
+    for ax in fig.axes:
+        assert ax.lines[0].get_ydata().tolist() == [1, 0.5, 0]
+        assert ax.collections[0].get_datalim(ax.transData).bounds[1::2] == (-3, 6)
+    plt.close(fig)
+    W = np.array([0.0, 3.0, 1.0])
+    fig = figures.quadratic_variation({2.0: (times[::2], W[::2]), 1.0: (times, W), 0.5: (times, W)})
+    sums = [line.get_ydata().tolist() for line in fig.axes[1].lines[:2]]
+    assert sums == [[1.0], [9.0, 13.0]]
+    plt.close(fig)
+
+
 @pytest.mark.parametrize("vehicle", VEHICLES)
 def test_a_drawn_run_is_the_first_of_the_study(vehicle):
     case = SMALL.cases[2]
