@@ -90,11 +90,11 @@ def trajectory(path: Trajectory) -> Figure:
     east = (longitude - longitude[0]) * R_t * np.cos(path.latitude) / KM
     north = (latitude - latitude[0]) * R_n / KM
     axis.plot(east, north)
-    axis.plot(east[0], north[0], "o", label="start")
+    axis.plot(east[0], north[0], "o")
+    axis.annotate("start", (east[0], north[0]), (6, 6), textcoords="offset points")
     a, b = len(east) // 12, len(east) // 8  # on the first leg of a square
     axis.annotate("", (east[b], north[b]), (east[a], north[a]), arrowprops={"arrowstyle": "->"})
     axis.set(xlabel="east (km)", ylabel="north (km)", aspect="equal")
-    axis.legend()
     return fig
 
 
