@@ -150,7 +150,8 @@ def statistic(
                     linestyle="-", label="β after adaptation")  # fmt: skip
     ax.axhline(limit, color="#d55e00", linestyle="--", label="threshold")
     ax.axvline(fault_time, color="black", linestyle=":", linewidth=1)
-    ax.set(xlabel="time (s)", ylabel="β", ylim=(1e-2, highest))
+    ax.set(xlabel="time (s)", ylabel="β")
+    ax.set_ylim(1e-2, highest if highest is not None and np.isfinite(highest) else None)
     ax.legend(ncols=3, loc="upper center", bbox_to_anchor=(0.5, 1.16))
     return fig
 
