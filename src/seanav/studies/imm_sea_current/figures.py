@@ -218,7 +218,7 @@ def printed_and_ours(rows: Mapping[str, Sequence[tuple]], shares: Sequence[float
         For each column twice the relative standard error of the printed number: a grey stripe.
     """
     fig, axes = plt.subplots(
-        1, len(scores.COLUMNS), figsize=(9.4, 1.1 + 0.3 * len(rows)), sharey=True
+        1, len(scores.COLUMNS), figsize=(9.4, 1.1 + 0.3 * max(len(rows), 4)), sharey=True
     )
     for axis, column, share, j in zip(axes, scores.COLUMNS, shares, range(len(axes)), strict=True):
         axis.axvspan(1 - share, 1 + share, color="0.88")
