@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import nbformat
-from chapters import ROOT, SOURCE, chapter, exercises, handout, relink
+from chapters import ROOT, SOURCE, chapter, exercises, handout, relink, shown_in
 
 import seanav
 from seanav import runner
@@ -55,8 +55,11 @@ def lay_out(laid: Path) -> None:
     shutil.copytree(HERE, laid, ignore=ignored)
     files = laid / "files"  # copied as they are
     (files / "downloads").mkdir(parents=True)
+    shown: set[str] = set()
     for stem in stems():
-        nbformat.write(chapter(stem), laid / f"{stem}.ipynb")
+        book = chapter(stem)
+        shown |= shown_in(stem, book)
+        nbformat.write(book, laid / f"{stem}.ipynb")
         shutil.copy(ROOT / "notebooks" / f"{stem}.ipynb", files / "downloads")
         nbformat.write(handout(stem), files / "downloads" / f"{stem}_handout.ipynb")
         if (ROOT / "paper_figures" / stem).exists():
@@ -66,7 +69,7 @@ def lay_out(laid: Path) -> None:
             shutil.copy(ROOT / "paper_figures" / name, laid)
     (laid / "api.md").write_text(reference(), encoding="utf-8")
     for page in laid.glob("*.md"):
-        text = relink(page.read_text(encoding="utf-8"))
+        text = relink(page.read_text(encoding="utf-8"), shown)
         text = text.replace("<!-- exercises -->\n", exercises(stems()))
         if (HERE / page.name).exists():
             text = listing(text, laid)

@@ -4,8 +4,8 @@ import copy
 import csv
 import re
 from base64 import b64encode
+from collections.abc import Container
 from html import escape
-from itertools import islice
 from pathlib import Path
 
 import nbformat
@@ -35,15 +35,22 @@ def saved(stem: str, kind: str, number: str) -> Path:
     return ROOT / "paper_figures" / stem / f"{kind}_{label}"
 
 
-def relink(text: str) -> str:
-    """Let links to sources and to the files of results lead to pages of the book."""
+def relink(text: str, places: Container[str] = ()) -> str:
+    """Let links to sources and to results lead to pages of the book.
+
+    A result is looked for among `places`, such as ``"4_imm_sea_current.html#figure-4"``.
+    """
+
+    def result(found):
+        words, stem, kind, number, suffix = found.groups()
+        place = f"{stem}.html#{anchor(kind, number)}"
+        if place not in places:
+            place = f"{stem}/{kind}_{number}.{suffix}"
+        return f'<a href="{place}">{words}</a>'
+
     text = SOURCE.sub(lambda found: f"](code/{found[1].replace('/', '.')}.md)", text)
     text = text.replace("](../paper_figures/REPORT.md", "](REPORT.md")
-    return re.sub(
-        r"\[([^]]*)\]\((\d\w*)/(figure|table)_(\w+)\.(?:png|csv)\)",
-        lambda found: f'<a href="{found[2]}.html#{anchor(found[3], found[4])}">{found[1]}</a>',
-        text,
-    )
+    return re.sub(r"\[([^]]*)\]\((\d\w*)/(figure|table)_(\w+)\.(png|csv)\)", result, text)
 
 
 # ---------------------------------------------------------------- what cells show
@@ -82,44 +89,61 @@ def figure(stem: str, caption: str, output: nbformat.NotebookNode) -> str:
         source = "data:image/png;base64," + "".join(text.split())
     width = f' width="{about["width"]}"' if "width" in about else ""
     picture = f'<img src="{source}"{width} alt="{escape(words)}">'
+    if file:
+        picture = f'<a href="{source}">{picture}</a>'
     below = f"<figcaption>{escape(caption)}{file}</figcaption>" if caption else ""
     return f'<figure class="result"{place}>{picture}{below}</figure>'
 
 
-def columns(head: str) -> list[int]:
-    """Return where the columns of a printed table begin."""
-    return [found.start() for found in re.finditer(r"\S+(?: \S+)*", head)]
-
-
-def table(stem: str, caption: str, lines: list[str]) -> tuple[str, int]:
-    """Return a printed table as HTML, and how many of the lines it took."""
-    number = line[1] if (line := TABLE.fullmatch(caption)) else ""
-    path = saved(stem, "table", number).with_suffix(".csv")
-    if not number:
-        path = path.with_name("parameters.csv")
-    starts = columns(lines[0])
-    cut = [slice(a, b) for a, b in zip([0, *starts[1:]], [*starts[1:], None], strict=True)]
-    rows = []
-    for text in lines:
+def rows_of(lines: list[str], most: int | None = None) -> list[list[str]]:
+    """Return the rows of the table that `lines` begin with; none if they begin with no table."""
+    starts = [k for found in re.finditer(r"\S+(?: \S+)*", lines[0]) if (k := found.start())]
+    cut = [slice(a, b) for a, b in zip([0, *starts], [*starts, None], strict=True)]
+    rows: list = []
+    for text in lines[:most]:
         # What is not a row has letters where the columns are parted.
-        if not text.strip() or any(text[k - 2 : k].strip() for k in starts[1:]):
+        if not text.strip() or any(text[k - 2 : k].strip() for k in starts):
             break
         rows.append([text[k].strip() for k in cut])
-    if path.exists():
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = list(islice(rows, sum(1 for _ in csv.reader(file))))
-    taken = f' <a class="file" href="{stem}/{path.name}" download>CSV</a>' if path.exists() else ""
-    body = "".join(f"<tr>{''.join(map(entry, row))}</tr>" for row in rows[1:])
+    return rows if starts and len(rows) > 1 else []
+
+
+def grid(rows: list[list[str]]) -> str:
+    """Return rows, the first with the headings, as a table that scrolls; a long one folded."""
     head = "".join(f'<th scope="col">{escape(name)}</th>' for name in rows[0])
-    grid = (
+    body = "".join(f"<tr>{''.join(map(entry, row))}</tr>" for row in rows[1:])
+    text = (
         '<div class="table-wrapper" tabindex="0"><table class="docutils">'
         f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )
     if len(rows) - 1 > LONG:
-        grid = f"<details><summary>{len(rows) - 1} rows</summary>{grid}</details>"
-    place = f' id="{anchor("table", number)}"' if number else ' id="parameters"'
-    above = f"<figcaption>{escape(caption)}{taken}</figcaption>"
-    return f'<figure class="result"{place}>{above}{grid}</figure>', len(rows)
+        text = f"<details><summary>{len(rows) - 1} rows</summary>{text}</details>"
+    return text
+
+
+def table(stem: str, caption: str, lines: list[str]) -> str:
+    """Return what is printed below a caption as HTML, and take it from `lines`.
+
+    There may be several tables below each other, as parts of the one that was saved, or none.
+    """
+    number = found[1] if (found := TABLE.fullmatch(caption)) else ""
+    path = saved(stem, "table", number).with_suffix(".csv")
+    if not number:
+        path = path.with_name("parameters.csv")
+    most, file = None, ""
+    if path.exists():
+        with path.open(encoding="utf-8", newline="") as text:
+            most = sum(1 for _ in csv.reader(text))
+        file = f' <a class="file" href="{stem}/{path.name}" download>CSV</a>'
+    grids = []
+    while lines and (rows := rows_of(lines, most)):
+        grids.append(grid(rows))
+        del lines[: len(rows)]
+        if lines[1:] and not lines[0].strip() and rows_of(lines[1:], most):
+            del lines[0]
+    place = anchor("table", number) if number else "parameters"
+    above = f"<figcaption>{escape(caption)}{file}</figcaption>"
+    return f'<figure class="result" id="{place}">{above}{"".join(grids)}</figure>'
 
 
 def entry(text: str) -> str:
@@ -135,12 +159,11 @@ def shown(stem: str, outputs: list) -> list:
         if output.get("name") == "stdout":
             lines, said = output.text.splitlines(), []
             while lines:
-                title = bool(TABLE.fullmatch(lines[0])) and len(lines) > 1
+                title = bool(TABLE.fullmatch(lines[0]))
                 if title or ORIGINS.fullmatch(lines[0]):
                     caption = lines.pop(0) if title else "Where each parameter comes from."
-                    grid, used = table(stem, caption, lines)
-                    found += [*text_of(said), html(grid)]
-                    lines, said = lines[used:], []
+                    found += [*text_of(said), html(table(stem, caption, lines))]
+                    said = []
                 else:
                     said.append(lines.pop(0))
             found += text_of(said)
@@ -166,12 +189,20 @@ def text_of(lines: list[str]) -> list:
 # ---------------------------------------------------------------- chapters
 
 
+def shown_in(stem: str, book: nbformat.NotebookNode) -> set[str]:
+    """Return the places of the figures and tables of a chapter."""
+    outputs = [output for cell in book.cells for output in cell.get("outputs", [])]
+    text = "".join(output.get("data", {}).get("text/html", "") for output in outputs)
+    return {f"{stem}.html#{name}" for name in re.findall(r'<figure[^>]* id="([^"]*)"', text)}
+
+
 def chapter(stem: str) -> nbformat.NotebookNode:
     """Return a notebook as a chapter: solutions folded, pictures with words, downloads."""
     book = runner.notebook(ROOT, stem)
     for key in set(book.metadata) - {"kernelspec", "language_info"}:
         del book.metadata[key]  # widgets, should there be any: they would be fetched
-    for exercise in stated(book.cells):
+    asked = stated(book.cells)
+    for exercise in asked:
         exercise.solution.metadata.number = exercise.number
     for cell in book.cells:
         tags = cell.metadata.get("tags", [])
@@ -191,7 +222,7 @@ def chapter(stem: str) -> nbformat.NotebookNode:
                 re.sub(r"^(### Exercise (\d+\.\d+) )", r"(exercise-\2)=\n\1", cell.source)
             )
     _, _, rest = book.cells[0].source.partition("\n")
-    book.cells[0].source = f"# {title(stem)}\n\n{downloads(book, stem)}\n{rest}"
+    book.cells[0].source = f"# {title(stem)}\n\n{downloads(stem, handed=bool(asked))}\n{rest}"
     folder = ROOT / "paper_figures" / stem
     files = sorted(folder.glob("figure_*.pdf")) + sorted(folder.glob("*.csv"))
     if files:
@@ -213,10 +244,10 @@ def link(target: str, words: str) -> str:
     return f'<a href="{target}" download>{escape(words)}</a>'
 
 
-def downloads(book: nbformat.NotebookNode, stem: str) -> str:
+def downloads(stem: str, handed: bool) -> str:
     """Return the line below the title of a chapter."""
     links = [link(f"downloads/{stem}.ipynb", "the notebook")]
-    if stated(book.cells):
+    if handed:
         links.append(link(f"downloads/{stem}_handout.ipynb", "without solutions"))
     return f'<p class="files">Download: {", ".join(links)}</p>\n'
 

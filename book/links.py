@@ -10,7 +10,7 @@ NUMBER = r"[A-Z]?\d\w*"
 ONE = re.compile(rf"(?:(?P<kind>[Ff]igure|[Tt]able)s?\s+)?(?P<number>{NUMBER})")
 SEVERAL = re.compile(
     rf"(?<!\w)\({NUMBER}(?:(?:,\s?|–|-|\sand\s){NUMBER})*\)"
-    rf"|\b(?:[Ff]igure|[Tt]able)s?\s+{NUMBER}(?:(?:,\s|–|\sand\s|,\sand\s){NUMBER})*\b"
+    rf"|\b(?:[Ff]igure|[Tt]able)s?\s+{NUMBER}(?:(?:,\s|–|\s(?:and|to)\s|,\sand\s){NUMBER})*\b"
 )
 # Where a number in brackets is no reference, or is one already.
 LEFT = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.reference)
