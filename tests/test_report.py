@@ -401,3 +401,22 @@ def test_a_number_that_is_no_file_name_is_refused(report):
 def test_a_row_that_does_not_fit_is_refused(report):
     with pytest.raises(ValueError, match="does not fit the columns"):
         report.table(1, ["a", "b"], [[1]], "short")
+
+
+def test_the_table_of_parameters_is_folded_to_a_page(report, capsys):
+    long = [0.001 * k for k in range(40)]
+    note = "assumed", "a reason of many words " * 9
+    report.parameters([("runs", 100, "", "text"), ("a_long_name_of_a_list", long, "m/s", *note)])
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 95
+    assert lines[1].split() == ["runs", "100", "text"]
+    words = " ".join(lines).split()
+    assert words.count("reason") == 9
+    assert len(lines) > 5
+
+
+def test_a_table_that_is_not_shown_is_kept(report, results, capsys):
+    report.table(7, ["a", "b"], [[1, 2.5]], "Long", shown=False)
+    assert capsys.readouterr().out == "Table 7. Long\n"
+    (kept,) = results.parent.rglob("table_7.csv")
+    assert kept.read_text(encoding="utf-8") == "a,b\n1,2.5\n"

@@ -7,10 +7,12 @@ import os
 import re
 import secrets
 import shutil
+import textwrap
 import weakref
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
+from itertools import zip_longest
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
@@ -39,6 +41,7 @@ from seanav.scenario import ORIGINS, Parameters
 
 # Where a user's choice of filters and settings leaves nothing of what a claim speaks of.
 NOTHING = Condition("what it speaks of", "nothing of what it speaks of was run")
+PAGE, VALUE = 95, 24  # columns: of a page that does not wrap, of a value of a parameter
 
 # ---------------------------------------------------------------- numbers as text
 
@@ -89,7 +92,22 @@ def _print_table(columns, rows):
     lines = [list(map(str, columns)), *([shown(x) for x in row] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for line in lines:
-        print("  ".join(x.ljust(width) for x, width in zip(line, widths, strict=True)).rstrip())
+        _print_line(line, widths)
+
+
+def _print_line(line, widths):
+    print("  ".join(x.ljust(width) for x, width in zip(line, widths, strict=True)).rstrip())
+
+
+def _print_folded(columns, rows):
+    """Print a table whose values and last column are folded, so that a page holds it."""
+    name, unit = (max(len(_cell(row[k])) for row in [columns, *rows]) for k in (0, 2))
+    widths = (name, VALUE, unit, max(VALUE, PAGE - name - VALUE - unit - 6))
+    for row in [columns, *rows]:
+        told = [significant(x) if isinstance(x, float) else _cell(x) for x in row]
+        folded = [textwrap.wrap(x, width) or [""] for x, width in zip(told, widths, strict=True)]
+        for line in zip_longest(*folded, fillvalue=""):
+            _print_line(line, widths)
 
 
 # ---------------------------------------------------------------- the report
@@ -179,12 +197,24 @@ class Report:
         print(f"Figure {number}. {caption}")
         return small
 
-    def table(self, number: int | str, columns: list[str], rows: list, caption: str) -> None:
-        """Save a table as CSV and print it, numbers rounded by `significant`."""
+    def table(
+        self,
+        number: int | str,
+        columns: list[str],
+        rows: list,
+        caption: str,
+        *,
+        shown: bool = True,
+    ) -> None:
+        """Save a table as CSV and print it, numbers rounded by `significant`.
+
+        A long one that is not `shown` has its caption printed, and a shorter form follows.
+        """
         rows = [list(row) for row in rows]
         write(self._new("table", number, ".csv"), _csv(columns, rows))
         print(f"Table {number}. {caption}")
-        _print_table(columns, rows)
+        if shown:
+            _print_table(columns, rows)
 
     def parameters(self, rows: list[tuple]) -> None:
         """Save and print where each parameter comes from.
@@ -200,7 +230,7 @@ class Report:
                 raise ValueError(f"{name}: origin {origin!r} is none of {', '.join(ORIGINS)}")
             table.append([name, value, unit, ": ".join([origin, *note])])
         self._origins = table
-        _print_table(("name", "value", "unit", "origin"), table)
+        _print_folded(("name", "value", "unit", "origin"), table)
 
     def deviation(
         self,

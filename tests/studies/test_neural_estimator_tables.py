@@ -40,7 +40,7 @@ def test_the_long_table_is_kept_and_not_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("SEANAV_RESULTS", str(tmp_path))
     report = Report("2_neural_estimator", scenario=Scenario(), claims=CLAIMS, seed=2)
     heads = ["course", "phase", "estimator", "RMSE", "low", "high", "won"]
-    tables.keep(report, 7, heads, LONG, "A caption.")
+    report.table(7, heads, LONG, "A caption.", shown=False)
     assert capsys.readouterr().out == "Table 7. A caption.\n"
     (path,) = tmp_path.rglob("table_7.csv")
     with path.open(encoding="utf-8", newline="") as file:

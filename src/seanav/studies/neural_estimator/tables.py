@@ -1,21 +1,11 @@
 """Paper 2: long tables kept whole, shown as pivots that fit a screen."""
 
-import io
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout
 
 from seanav.estimates import significant
-from seanav.report import Report
 
 # A phase beside the name of its course, in few letters.
 PHASES = {"before turn": "before", "turn": "turning", "after turn": "after", "examination": ""}
-
-
-def keep(report: Report, number: int | str, columns: Sequence, rows: list, caption: str) -> None:
-    """Save a long table as `Report.table` does, and print its caption only: a pivot follows."""
-    with redirect_stdout(io.StringIO()):
-        report.table(number, list(columns), rows, caption)
-    print(f"Table {number}. {caption}")
 
 
 def pivot(
