@@ -49,12 +49,24 @@ def linked(text: str, found: dict) -> list[nodes.Node]:
     return [part for part in [*parts, nodes.Text(text[end:])] if part.astext()]
 
 
+def keep_together(document: nodes.document) -> None:
+    """Let no line begin with the comma or the bracket that follows a formula."""
+    for formula in list(document.findall(nodes.math)):
+        after = formula.next_node(descend=False, siblings=True)
+        if isinstance(after, nodes.Text) and (mark := re.match(r"[.,;:!?)\]”’]+", after)):
+            both = nodes.inline("", "", classes=["together"])
+            after.parent.replace(after, nodes.Text(after[mark.end() :]))
+            formula.parent.replace(formula, both)
+            both += [formula, nodes.Text(mark[0])]
+
+
 def link(app: object, document: nodes.document) -> None:
     """Link the references in a chapter, and say which printed texts may be wrapped."""
     for block in document.findall(nodes.literal_block):
         # Columns stay below each other and scroll; sentences are wrapped on a phone.
         if "stream" in block["classes"] and not re.search(r"\S {2,}\S", block.astext()):
             block["classes"].append("wrapped")
+    keep_together(document)
     found = places(document)
     for text in list(document.findall(nodes.Text)) if found else []:
         above = text.parent

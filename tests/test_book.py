@@ -202,6 +202,17 @@ def test_a_number_that_names_nothing_stays_text():
     assert not list(prose.findall(nodes.reference))
 
 
+def test_no_line_begins_with_what_ends_a_formula():
+    ends = nodes.math("", "x"), nodes.Text("); then")
+    goes_on = nodes.math("", "y"), nodes.Text(" is")
+    prose = nodes.paragraph("", "", *ends, *goes_on)
+    links.link(None, chapter_of(prose))
+    (together,) = prose.findall(nodes.inline)
+    assert together["classes"] == ["together"]
+    assert together.astext() == "x);"
+    assert prose.astext() == "x); theny is"
+
+
 def test_sentences_are_wrapped_and_columns_are_not():
     words = nodes.literal_block("", "A sentence.\n    its end", classes=["output", "stream"])
     grid = nodes.literal_block("", "a    b\n1.0  2.0", classes=["output", "stream"])

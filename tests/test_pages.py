@@ -85,7 +85,8 @@ def facts(browser, pages):
     found = {}
     for width in WIDTHS:
         page, said = opened(browser, width)
-        for path in [*pages.glob("*.html"), *pages.glob("code/*.html")]:
+        listings = sorted(pages.glob("code/*.html"))[:2]  # alike, and without formulas
+        for path in [*pages.glob("*.html"), *listings]:
             page.goto(path.as_uri())
             found[path.stem, width] = page.evaluate(FACTS) | {"said": said[:]}
             said.clear()
