@@ -132,7 +132,7 @@ def test_search_finds_the_innovation(browser, pages):
 def test_solutions_unfold_and_the_light_goes_out(browser, pages):
     page, _ = opened(browser, 390)
     for stem in runner.papers(ROOT):
-        page.goto((pages / f"{stem}.html").as_uri())
+        page.goto((pages / f"{stem}.html").as_uri(), wait_until="domcontentloaded")
         folds = page.locator(".tag_solution details")
         assert folds.count() >= 3
         inside = folds.first.locator("pre").first
