@@ -99,6 +99,11 @@ def _print_line(line, widths):
     print("  ".join(x.ljust(width) for x, width in zip(line, widths, strict=True)).rstrip())
 
 
+def _print_sentence(text):
+    indent = " " * (len(text) - len(text.lstrip()) + 2)
+    print(textwrap.fill(text, PAGE, subsequent_indent=indent, break_long_words=False))
+
+
 def _print_folded(columns, rows):
     """Print a table whose values and last column are folded, so that a page holds it."""
     name, unit = (max(len(_cell(row[k])) for row in [columns, *rows]) for k in (0, 2))
@@ -280,10 +285,10 @@ class Report:
             raise ValueError(f"claim {number}: there are two conditions {twice[0]!r}")
         claim = judged(self._declared[number], found, basis)
         self._claims[number] = claim | ({"quick": True} if self._quick else {})
-        print("\n".join(told(number, claim)))
-        groups = by_groups(found)
-        if len(groups) > 1:
-            print(*(f"    {name}: {counted(group)}" for name, group in groups.items()), sep="\n")
+        groups = by_groups(found) if len(by_groups(found)) > 1 else {}
+        by_name = [f"    {name}: {counted(group)}" for name, group in groups.items()]
+        for line in [*told(number, claim), *by_name]:
+            _print_sentence(line)
 
     def findings(
         self, *, words: str, holds: str, fails: str, undecided: str, depends: str, beyond: str
@@ -309,7 +314,8 @@ class Report:
             "What it hangs on": depends,
             "Beyond the paper": beyond,
         }
-        print(*(f"{title}. {text}" for title, text in self._findings.items()), sep="\n")
+        for title, text in self._findings.items():
+            _print_sentence(f"{title}. {text}")
 
     def finish(self) -> None:
         """Write claims, deviations and parameters; the results are complete from here on.
