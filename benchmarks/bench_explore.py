@@ -5,7 +5,7 @@ from importlib import import_module
 from matplotlib import pyplot as plt
 from timing import best_of
 
-from seanav._pictures import shown
+from seanav._pictures import live
 from seanav.exercises import CHAPTERS
 
 
@@ -15,7 +15,7 @@ def main():
             picture = import_module(f"seanav.studies.{name}.explore").picture
 
             def drawn(picture=picture):
-                shown(picture(), "")
+                live(picture(), "")
                 plt.close("all")
 
             drawn()  # the kernels are compiled or read from their cache

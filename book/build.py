@@ -32,8 +32,9 @@ def reference() -> str:
         if not any(part.startswith(PRIVATE) for part in module.name.split(".")[1:])
         and not any(part in module.name for part in HIDDEN)
     ]
-    blocks = [f"## {name}\n\n```{{automodule}} {name}\n:members:\n```\n" for name in names]
-    return "# The functions\n\n" + "\n".join(blocks)
+    # Docstrings are reStructuredText, the pages are Markdown.
+    block = "## {0}\n\n```{{eval-rst}}\n.. automodule:: {0}\n   :members:\n```\n"
+    return "# The functions\n\n" + "\n".join(block.format(name) for name in names)
 
 
 def listing(text: str, folder: Path) -> str:

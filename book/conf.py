@@ -39,5 +39,9 @@ myst_heading_anchors = 3
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 napoleon_google_docstring = False
-suppress_warnings = ["mystnb.unknown_mime_type"]
+# Types are words such as "array" and "(runs, steps)": they are printed, not looked up.
+napoleon_use_param = False
+napoleon_use_rtype = False
+napoleon_use_ivar = True
+suppress_warnings = ["mystnb.unknown_mime_type", "ref.python"]
 exclude_patterns = ["files", "_static", "code/*.py"]

@@ -37,6 +37,14 @@ def shown(fig: Figure, caption: str) -> tuple[PIL.Image.Image, Image]:
     return whole, Image(small, format="png", width=round(96 * fig.get_figwidth()), alt=caption)
 
 
+def live(fig: Figure, caption: str) -> Image:
+    """Draw `fig` once and fast, for somebody who waits for it."""
+    drawn = io.BytesIO()
+    save(fig, drawn, format="png", dpi=SHOWN_DPI)
+    width = round(96 * fig.get_figwidth())
+    return Image(drawn.getvalue(), format="png", width=width, alt=caption)
+
+
 def rounded(fig: Figure) -> None:
     """Round what is drawn, and the ends of the axes, to `DIGITS` significant digits.
 

@@ -9,7 +9,7 @@ from IPython.display import Image, display
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from seanav._pictures import shown
+from seanav._pictures import live, shown
 
 STYLE = "seanav.seanav"
 
@@ -72,7 +72,7 @@ def explore(
     def show(**values):
         with plt.style.context(STYLE, after_reset=True):
             fig = picture(**values)
-            display(shown(fig, caption)[1])
+            display(live(fig, caption))
             plt.close(fig)
 
     widgets = {name: _widget(ipywidgets, control) for name, control in controls.items()}
