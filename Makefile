@@ -149,7 +149,7 @@ bench: .venv ## time the kernels against the targets
 	@for file in $(sort $(wildcard benchmarks/bench_*.py)); do $(BIN)/python $$file || exit 1; done
 
 lab: .venv ## JupyterLab on the notebooks, with the kernel of .venv
-	$(BIN)/python -m jupyterlab notebooks
+	$(BIN)/python -m jupyterlab $(if $(filter 0,$(shell id -u)),--allow-root) notebooks
 
 book: .venv ## the notebooks and the report as web pages, into build/book/
 	$(BIN)/python book/build.py
