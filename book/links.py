@@ -76,7 +76,17 @@ def link(app: object, document: nodes.document) -> None:
             text.parent.replace(text, parts)
 
 
+def as_prose(app: object, what: str, name: str, thing: object, about: object, lines: list) -> None:
+    """Let bars, stars and final underscores of a docstring be what they look like."""
+    kept = re.compile(r"(``.*?``|`[^`]*`_?|\*\*[^*]+\*\*|\*[^\s*][^*]*\*(?!\w))")
+    text = re.sub(r"(?<![`\w])`([^`\n]+)`(?=\w)", r"``\1``\\ ", "\n".join(lines))
+    parts = kept.split(text)
+    parts[::2] = [re.sub(r"[|*]|(?<=\w)_(?!\w)", r"\\\g<0>", part) for part in parts[::2]]
+    lines[:] = "".join(parts).split("\n")
+
+
 def setup(app: object) -> dict:
     """Join Sphinx."""
     app.connect("doctree-read", link)
+    app.connect("autodoc-process-docstring", as_prose, priority=400)  # before napoleon
     return {"parallel_read_safe": True, "parallel_write_safe": True}

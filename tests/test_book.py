@@ -213,6 +213,15 @@ def test_no_line_begins_with_what_ends_a_formula():
     assert prose.astext() == "x); theny is"
 
 
+def test_bars_and_stars_of_a_docstring_are_what_they_look_like():
+    lines = ["x|x| of (runs, *S), mu_… or `cell`² and ``a*b``", "*Book*, **bold**, `a`, `b`"]
+    links.as_prose(None, "function", "f", None, None, lines)
+    assert lines == [
+        r"x\|x\| of (runs, \*S), mu\_… or ``cell``\ ² and ``a*b``",
+        "*Book*, **bold**, `a`, `b`",
+    ]
+
+
 def test_sentences_are_wrapped_and_columns_are_not():
     words = nodes.literal_block("", "A sentence.\n    its end", classes=["output", "stream"])
     grid = nodes.literal_block("", "a    b\n1.0  2.0", classes=["output", "stream"])
