@@ -15,7 +15,7 @@ def main():
             picture = import_module(f"seanav.studies.{name}.explore").picture
 
             def drawn(picture=picture):
-                live(picture(), "")
+                live(picture())
                 plt.close("all")
 
             drawn()  # the kernels are compiled or read from their cache

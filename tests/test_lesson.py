@@ -41,38 +41,48 @@ def test_a_figure_has_its_caption_as_words(capsys):
 
 def test_a_strict_run_shows_the_first_values_once(seen, monkeypatch, tmp_path):
     monkeypatch.setenv("SEANAV_RESULTS", str(tmp_path))
-    monkeypatch.setattr(ipywidgets, "interact", None)
+    monkeypatch.setattr(ipywidgets, "VBox", None)
     image = lesson.explore(picture, "A line", **CONTROLS)
     assert seen == [(2.0, "b")]
     assert image._repr_png_()[1]["alt"] == "A line"
     assert list(tmp_path.iterdir()) == []  # it is no result
 
 
-def test_by_hand_there_is_a_control_for_each_value_and_a_new_picture_when_it_moves(
-    seen, monkeypatch
-):
-    made = {}
+@pytest.fixture
+def by_hand(monkeypatch):
+    """Return what shows `picture` with controls by hand: the controls by name, and the image."""
     monkeypatch.delenv("SEANAV_RESULTS", raising=False)
-
-    def interact(show, **widgets):
-        made.update(widgets)
-        show(**{name: widget.value for name, widget in widgets.items()})
-        show(height=3.0, kind="a")
-
-    monkeypatch.setattr(ipywidgets, "interact", interact)
     shown = []
     monkeypatch.setattr(lesson, "display", shown.append)
-    assert lesson.explore(picture, "A line", **CONTROLS) is None
-    assert seen == [(2.0, "b"), (3.0, "a")]
-    assert len(shown) == 2
-    assert (made["height"].min, made["height"].max, made["height"].step) == (0.0, 4.0, 0.5)
-    assert made["height"].description == "height, m"
-    assert made["kind"].options == ("a", "b")
+
+    def explored(**controls):
+        assert lesson.explore(picture, "A line", **controls) is None
+        (box,) = shown
+        *made, image = box.children
+        return dict(zip(controls, made, strict=True)), image
+
+    return explored
 
 
-def test_whole_numbers_get_a_slider_of_whole_numbers(monkeypatch):
-    monkeypatch.delenv("SEANAV_RESULTS", raising=False)
-    monkeypatch.setattr(ipywidgets, "interact", lambda show, **widgets: made.update(widgets))
-    made = {}
-    lesson.explore(picture, "A line", height=Slider("height", 1, 9, 2, 3))
-    assert isinstance(made["height"], ipywidgets.IntSlider)
+def test_by_hand_there_is_a_control_for_each_value(by_hand, seen):
+    controls, image = by_hand(**CONTROLS)
+    height = controls["height"]
+    assert (height.min, height.max, height.step, height.value) == (0.0, 4.0, 0.5, 2.0)
+    assert height.description == "height, m"
+    assert controls["kind"].options == ("a", "b")
+    assert seen == [(2.0, "b")]
+    assert image.value.startswith(b"\x89PNG")
+
+
+def test_a_control_that_moves_changes_the_picture_in_its_place(by_hand, seen):
+    controls, image = by_hand(**CONTROLS)
+    before = image.value
+    controls["height"].value = 3.0
+    controls["kind"].value = "a"
+    assert seen == [(2.0, "b"), (3.0, "b"), (3.0, "a")]
+    assert image.value != before
+
+
+def test_whole_numbers_get_a_slider_of_whole_numbers(by_hand):
+    controls, _ = by_hand(height=Slider("height", 1, 9, 2, 3))
+    assert isinstance(controls["height"], ipywidgets.IntSlider)

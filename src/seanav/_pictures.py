@@ -37,12 +37,11 @@ def shown(fig: Figure, caption: str) -> tuple[PIL.Image.Image, Image]:
     return whole, Image(small, format="png", width=round(96 * fig.get_figwidth()), alt=caption)
 
 
-def live(fig: Figure, caption: str) -> Image:
-    """Draw `fig` once and fast, for somebody who waits for it."""
+def live(fig: Figure) -> bytes:
+    """Return a PNG of `fig` that is drawn once and fast, for somebody who waits for it."""
     drawn = io.BytesIO()
     save(fig, drawn, format="png", dpi=SHOWN_DPI)
-    width = round(96 * fig.get_figwidth())
-    return Image(drawn.getvalue(), format="png", width=width, alt=caption)
+    return drawn.getvalue()
 
 
 def rounded(fig: Figure) -> None:

@@ -69,15 +69,21 @@ def explore(
             return figure("Explore", fig, caption)
     import ipywidgets  # slow to import, and only needed by hand
 
-    def show(**values):
+    widgets = {name: _widget(ipywidgets, control) for name, control in controls.items()}
+    # One picture whose bytes change: an output that is emptied first would make the page jump.
+    drawn = ipywidgets.Image(format="png", layout={"max_width": "100%", "object_fit": "contain"})
+
+    def draw(_=None):
         with plt.style.context(STYLE, after_reset=True):
-            fig = picture(**values)
-            display(live(fig, caption))
+            fig = picture(**{name: widget.value for name, widget in widgets.items()})
+            drawn.value = live(fig)
             plt.close(fig)
 
-    widgets = {name: _widget(ipywidgets, control) for name, control in controls.items()}
+    draw()
+    for widget in widgets.values():
+        widget.observe(draw, names="value")
     print(caption)
-    ipywidgets.interact(show, **widgets)
+    display(ipywidgets.VBox([*widgets.values(), drawn]))
     return None
 
 
