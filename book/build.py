@@ -32,8 +32,10 @@ def reference() -> str:
         if not any(part.startswith(PRIVATE) for part in module.name.split(".")[1:])
         and not any(part in module.name for part in HIDDEN)
     ]
-    # Docstrings are reStructuredText, the pages are Markdown.
-    block = "## {0}\n\n```{{eval-rst}}\n.. automodule:: {0}\n   :members:\n```\n"
+    # Docstrings are reStructuredText, the pages are Markdown. What a package hands on is
+    # described where it is defined.
+    block = "## {0}\n\n```{{eval-rst}}\n.. automodule:: {0}\n   :members:\n"
+    block += "   :ignore-module-all:\n```\n"
     return "# The functions\n\n" + "\n".join(block.format(name) for name in names)
 
 
