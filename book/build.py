@@ -15,7 +15,7 @@ import seanav
 from seanav import runner
 
 HERE = Path(__file__).parent
-PRIVATE = ("__main__", "_", "runner", "environment")
+PRIVATE = ("__main__", "_", "runner", "environment", "exercises")
 HIDDEN = (".studies", ".exercises.")  # rooms of the papers; the right answers
 
 

@@ -58,18 +58,19 @@ def build(root: Path) -> None:
         reason = fault(root)
         if reason:
             print(f"building .venv anew, a few minutes: {reason}", flush=True)
+            asked = wanted(root)  # before: the lock may change while packages are installed
             install(root / ".venv", "--require-hashes", "-r", root / "requirements.lock")
-            mark(root)
+            mark(root, asked)
 
 
-def mark(root: Path) -> None:
-    """Let the environment in `root` find the package, and say what it was built for."""
+def mark(root: Path, built: dict) -> None:
+    """Let the environment in `root` find the package, and say what it was `built` for."""
     (packages,) = (root / ".venv").glob("lib/python*/site-packages")
     # Relative: the environment of a copied checkout must not run the original's sources.
     (packages / "seanav.pth").write_text(
         os.path.relpath(root / "src", packages) + "\n", encoding="utf-8"
     )
-    (root / ".venv" / ".built").write_text(json.dumps(wanted(root)), encoding="utf-8")
+    (root / ".venv" / ".built").write_text(json.dumps(built), encoding="utf-8")
 
 
 def install(folder: Path, *what: object) -> None:

@@ -51,7 +51,7 @@ def borrow(root):
     """Give a checkout an environment in which it finds the packages of this one."""
     command = [sys.executable, "-m", "venv", "--without-pip", root / ".venv"]
     subprocess.run(command, check=True)
-    environment.mark(root)
+    environment.mark(root, environment.wanted(root))
     (packages,) = (root / ".venv").glob("lib/python*/site-packages")
     (packages / "borrowed.pth").write_text(f"{PACKAGES}\n", encoding="utf-8")
 
@@ -376,6 +376,17 @@ def test_environment_is_rebuilt_for_a_reason_only(root, monkeypatch):
     monkeypatch.undo()
     with (root / "requirements.lock").open("a", encoding="utf-8") as file:
         file.write("\n")
+    assert environment.fault(root) == "requirements.lock has changed"
+
+
+def test_a_lock_that_changes_while_packages_are_installed_is_installed_next(root, monkeypatch):
+    def slowly(folder, *what):
+        (folder / "lib" / "python3" / "site-packages").mkdir(parents=True)
+        with (root / "requirements.lock").open("a", encoding="utf-8") as file:
+            file.write("\n")
+
+    monkeypatch.setattr(environment, "install", slowly)
+    environment.build(root)
     assert environment.fault(root) == "requirements.lock has changed"
 
 
