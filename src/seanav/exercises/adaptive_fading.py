@@ -37,13 +37,23 @@ def _both(**options: Any) -> np.ndarray:
 # ---------------------------------------------------------------- 3.5: blind in degrees
 
 
-def _factors(scale: float, floor: float = 1.0, once: bool = False) -> tuple[float, float]:
-    """Return the single factor and that of the yaw rate, the heading scaled by `scale`."""
-    units = np.array([1.0, 1.0, scale]) ** 2
-    base, noise = (1.6e-4 if once else 1.5e-4) * units, 1e-5 * units
-    squared = np.array([0.0, 9.0 * 1.6e-4, 0.0])
-    single = (squared.sum() - base.sum()) / noise.sum()
-    return max(floor, single), max(floor, (squared[1] - base[1]) / noise[1])
+def _factors(
+    scale: float,
+    floor: float = 1.0,
+    base: float = 1.5e-4,
+    squared: float = 9.0 * 1.6e-4,
+    rate: float = 1.0,
+) -> tuple[float, float]:
+    """Return the single factor and that of the yaw rate, the heading scaled by `scale`.
+
+    `base` is taken off the innovation of the yaw rate, whose square is `squared`. Mistakes
+    change these, or scale the yaw rate with the heading, by `rate`.
+    """
+    units = np.array([1.0, rate if scale > 1.0 else 1.0, scale]) ** 2
+    left, noise = base * units, 1e-5 * units
+    seen = np.array([0.0, squared, 0.0]) * units
+    single = (seen.sum() - left.sum()) / noise.sum()
+    return max(floor, single), max(floor, (seen[1] - left[1]) / noise[1])
 
 
 def _four(scale: float, **options: Any) -> np.ndarray:
@@ -99,6 +109,17 @@ def _with_limit(beta, length, limit):
     return int(over.argmax()) + length - 1 if over.any() else -1
 
 
+def _of_lower_tail(beta, length, m, alpha):
+    return _with_limit(beta, length, stats.chi2.ppf(alpha, m * length))
+
+
+def _of_unfinished(beta, length, m, alpha):
+    # The sum of what there is, also before `length` values are there.
+    sums = np.convolve(beta, np.ones(length))[: len(beta)]
+    over = sums > stats.chi2.isf(alpha, m * length)
+    return int(over.argmax()) if over.any() else -1
+
+
 def _from_start(beta, length, m, alpha):
     k = _first_alarm(beta, length, m, alpha)
     return k - length + 1 if k >= 0 else -1
@@ -151,7 +172,11 @@ EXERCISES = {
             ),
             "That is the probability that there is no alarm at all.": lambda: 0.99**100,
             "That is the probability of exactly one alarm.": lambda: 100 * 0.01 * 0.99**99,
+            "The level is that of this question, not of the first cell.": lambda: 1.0 - 0.95**100,
+            "That is one test; there are a hundred.": lambda: 0.01,
+            "All hundred tests need not fail: one alarm is enough.": lambda: 0.01**100,
         },
+        rtol=5e-3,
     ),
     "3.2": Exercise(
         right=lambda: _factor(PHI**2 * P + R),
@@ -166,6 +191,14 @@ EXERCISES = {
             "A variance is compared with the square of the innovation.": lambda: _factor(
                 PHI**2 * P + R, INNOVATION
             ),
+            "R is a variance already.": lambda: _factor(PHI**2 * P + R**2),
+            "That is what is left for the process noise: how many times Q is it?": lambda: (
+                Q * _factor(PHI**2 * P + R)
+            ),
+            "That is β, which tests the innovation: here it is to be explained.": lambda: (
+                INNOVATION**2 / (PHI**2 * P + Q + R)
+            ),
+            "That is the gain that the factor leads to.": lambda: 1.0 - R / INNOVATION**2,
         },
         rtol=2e-3,
     ),
@@ -178,7 +211,15 @@ EXERCISES = {
             "|1 + κT| < 1 has to be squared and solved; 2 / |κ| is for a real mode.": lambda: (
                 2 / np.hypot(0.8, 1.0)
             ),
-            "That is the mode's time constant, not the longest step.": lambda: 1 / 0.8,
+            "(A1) divides by |κ|², neither by |κ| nor by one part of κ alone.": lambda: [
+                1.6 / np.hypot(0.8, 1.0),
+                1 / 0.8,
+            ],
+            "|κ|² is the sum of the squares of both parts, not κ².": lambda: [
+                1.6 / (0.8**2 - 1.0),
+                1.6 / (1.0 - 0.8**2),
+                1.6 / (0.8 + 1.0) ** 2,
+            ],
         },
     ),
     "3.4": Exercise(
@@ -189,6 +230,12 @@ EXERCISES = {
             "A measurement takes the part K off the error; the part that stays is 1 − K.": lambda: (
                 np.array([0.25 * 0.02 / (1 - 0.25 * 0.9), 0.75 * 0.02 / (1 - 0.75 * 0.9)])
             ),
+            "That is the error after the first step; it is carried on to the next one.": lambda: (
+                np.array([0.75, 0.25]) * 0.02
+            ),
+            "The error that is carried on is corrected in each step, too.": lambda: (
+                np.array([0.75, 0.25]) * 0.02 / (1 - 0.9)
+            ),
         },
     ),
     "3.5": Exercise(
@@ -196,9 +243,21 @@ EXERCISES = {
         mistakes={
             "A factor is never below one.": lambda: _four(np.degrees(1.0), floor=-np.inf),
             "Q is scaled by the factor: it must not be taken off once more.": lambda: _four(
-                np.degrees(1.0), once=True
+                np.degrees(1.0), base=1.6e-4
             ),
             "The heading's own terms change with its unit.": lambda: _four(1.0),
+            "What is there without process noise, S₀, must be taken off first.": lambda: _four(
+                np.degrees(1.0), base=0.0
+            ),
+            "The deviations are those of S, which has the process noise in it.": lambda: _four(
+                np.degrees(1.0), squared=9.0 * 1.5e-4
+            ),
+            "Three standard deviations are nine variances.": lambda: _four(
+                np.degrees(1.0), squared=3.0 * 1.6e-4
+            ),
+            "Only the heading changes its unit; the yaw rate stays in rad/s.": lambda: _four(
+                np.degrees(1.0), rate=np.degrees(1.0)
+            ),
         },
         rtol=5e-3,
     ),
@@ -216,8 +275,11 @@ EXERCISES = {
             "How many degrees of freedom has a sum of several values of β?": _of_one,
             "The threshold of a sum is not the sum of the thresholds.": _of_scaled,
             "An alarm is raised at the last step of its window, not at the first.": _from_start,
+            "A threshold is passed with the probability α: which tail is that?": _of_lower_tail,
+            "Before `length` values are there, there is no sum to be tested.": _of_unfinished,
         },
         cases=[
+            (np.array([1.0, 3.0, *[1.0] * 8]), 5, 3, 0.99),
             (_series(1, 1.0), 10, 3, 1e-3),
             (_series(2, 0.9), 5, 3, 1e-3),
             (_series(3, 1.5), 1, 3, 1e-4),
@@ -250,6 +312,7 @@ EXERCISES = {
                 lambda: stats.chi2.sf(6, 3)
             ),
             "That is the probability of the opposite.": lambda: 1 - _share(4.0),
+            "A mean is not a median: the sum of squares is not symmetric about it.": lambda: 0.5,
         },
         rtol=1.5e-2,
     ),
