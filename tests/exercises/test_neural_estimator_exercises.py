@@ -108,18 +108,20 @@ def test_errors_of_hidden_neurons_are_derivatives():
 # What a student may hand in, and a word of the hint.
 WRONG = {
     "2.1": [(0.2357, "1 - K"), (0.121, "variance"), (0.0526, "zero"), (0.79, "prediction"),
-            (20.96, "power of ten")],
+            (0.0556, "degree two"), (0.01886, "variance"), (20.96, "power of ten")],
     "2.2": [(400, "threshold"), (500, "output"), (300, "one of the two"), (1004, "twice")],
     "2.3": [(1.910, "variances"), (1.915, "w2"), (0.578, "w1 = 0"), (1.034, "twice"),
-            (13.82, "power of ten")],
-    "2.4": [(3.772, "steps"), (14.3, "newest"), (2.37, "GLS"), (12.76, "1/e"), (-11.3, "sign")],
+            (0.382, "by how much"), (0.142, "one standard"), (13.82, "power of ten")],
+    "2.4": [(3.772, "steps"), (14.3, "newest"), (2.37, "GLS"), (5.31, "intermediate"),
+            (12.76, "1/e"), (-11.3, "sign")],
     "2.6": [(0.0183, "independent"), (0.0641, "20"), (0.1419, "single"), (3.82, "power of ten")],
-    "2.7": [(0.32, "add up"), (0.725, "quiet"), (0.01, "one look"), (27.5, "power of ten")],
+    "2.7": [(0.32, "add up"), (0.725, "quiet"), (0.01, "one look"), (0.7997, "steps"),
+            (27.5, "power of ten")],
     "2.8": [("rate", "ten times"), ("Epochs", "four hundred"), (1, "words"), ("luck", "steps")],
     "2.9": [(0.0423, "learnt"), (0.00236, "scaled"), (1.492, "root"), (0.0954, "rest"),
-            (47.2, "power of ten")],
+            (0.02, "all of the noise"), (47.2, "power of ten")],
     "2.10": [(0.00433, "components"), (0.0184, "three"), (0.00354, "grows"), (0.00367, "Squares"),
-             (0.000107, "degrees")],
+             (0.00695, "own"), (0.000107, "degrees")],
 }  # fmt: skip
 
 
@@ -133,6 +135,7 @@ def test_a_common_mistake_gets_its_hint(number, answer, word):
     [
         (lambda t, o, v, y: y * (1 - y) * ((t - o) @ v), "output neuron"),
         (lambda t, o, v, y: ((t - o) * o * (1 - o)) @ v, "hidden"),
+        (lambda t, o, v, y: y * (((t - o) * o * (1 - o)) @ v), "second factor"),
         (lambda t, o, v, y: y * (1 - y) * (((o - t) * o * (1 - o)) @ v), "uphill"),
         (lambda t, o, v, y: y * (1 - y) * ((t - o) * o * (1 - o)).sum() * y, "weights"),
         (lambda t, o, v, y: (t - o) * o * (1 - o), "shape"),

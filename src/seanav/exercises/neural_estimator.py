@@ -49,6 +49,10 @@ def _no_slope_of_the_hidden(t, o, v, y):
     return ((t - o) * o * (1 - o)) @ v
 
 
+def _signal_for_slope(t, o, v, y):
+    return y * (((t - o) * o * (1 - o)) @ v)
+
+
 def _uphill(t, o, v, y):
     return -hidden_errors(t, o, v, y)
 
@@ -100,6 +104,9 @@ EXERCISES = {
             "R is a variance, the square of the noise.": lambda: blended.steady_gain(Q, NOISE),
             "The covariance before the prediction is not zero once it rests.": lambda: Q / (Q + R),
             "That is the weight of the prediction; the measurement's is asked for.": lambda: 1 - K,
+            "That is the ratio of the variances only: the gain fulfils an equation of degree two, "
+            "(A5).": lambda: Q / R,
+            "That is a variance: the one of the error after a measurement.": lambda: K * R,
         },
     ),
     "2.2": Exercise(
@@ -115,6 +122,12 @@ EXERCISES = {
         right=lambda: _spread(W1) / _spread(0.0),
         mistakes={
             "That is the ratio of the variances.": lambda: (_spread(W1) / _spread(0.0)) ** 2,
+            "That is by how much it is larger; the factor is the ratio of the two.": lambda: (
+                _spread(W1) / _spread(0.0) - 1
+            ),
+            "That is one standard deviation; its ratio to the Kalman filter's is asked for.": (
+                lambda: [_spread(W1), _spread(0.0)]
+            ),
             "w1 is the weight of the measurement, w2 that of the last estimate.": lambda: (
                 _spread(1 - W1) / _spread(0.0)
             ),
@@ -133,6 +146,7 @@ EXERCISES = {
             "That is a number of steps; seconds are asked for.": lambda: _late() / STEP,
             "The newest measurement is not late at all: begin to count at 0.": lambda: STEP / K,
             "That is GLS. The Kalman filter has w1 = 0.": lambda: _late(1.0),
+            "That is the intermediate method. The Kalman filter has w1 = 0.": lambda: _late(W1),
             "That is the time in which an old error falls to 1/e, not the mean age.": lambda: (
                 -STEP / math.log(1 - K)
             ),
@@ -147,6 +161,9 @@ EXERCISES = {
             ),
             "The slope of the hidden neuron's own logistic function is missing.": (
                 _no_slope_of_the_hidden
+            ),
+            "The second factor of the slope of the hidden neuron is missing, 1 less its signal.": (
+                _signal_for_slope
             ),
             "That leads uphill: the error is minus the derivative.": _uphill,
             "The errors come back through the weights, not through the signals.": (
@@ -172,6 +189,7 @@ EXERCISES = {
             "Probabilities add up only if no two of the events can happen together.": lambda: 0.32,
             "That is the probability that the test stays quiet.": lambda: 0.99**32,
             "That is one look; there are many.": lambda: [0.01, 0.99],
+            "Count the looks, not the steps of the examination.": lambda: 1 - 0.99**EXAM,
         },
     ),
     "2.8": Exercise(
@@ -191,6 +209,9 @@ EXERCISES = {
             "That is the mean square; the question is about its root.": lambda: _floor(
                 math.sqrt(DELTA)
             ),
+            "That would be so if all of the noise stayed; only a part of it does.": lambda: (
+                DELTA * RANGE
+            ),
             "That is the part that can be learnt; the rest of the answer cannot.": lambda: _floor(
                 part=lambda h: h[:1]
             ),
@@ -204,6 +225,9 @@ EXERCISES = {
                 _break_even(components=4),
             ],
             "A step lasts three seconds.": lambda: _break_even(step=1.0),
+            "The constant has an error of its own before any drift.": lambda: _break_even(
+                gap=TEACHER**2
+            ),
             "The drift grows all the time: its mean square counts, not its end or its mean.": (
                 lambda: [_break_even(drift=EXAM - 1), _break_even(drift=(EXAM - 1) / 2)]
             ),
