@@ -140,7 +140,7 @@ def teaching(scenario: Scenario) -> Figure:
         ("rule", "network", "new weights"),
         ("difference", "stop", ""),
     ]
-    return plots.diagram(boxes, arrows, (7.8, 3.2), 0.3)
+    return plots.diagram(boxes, arrows, (7.8, 3.2), 0.27)
 
 
 def examination(scenario: Scenario) -> Figure:
@@ -171,9 +171,10 @@ def algorithm(scenario: Scenario) -> Figure:
         "settle": (3.3, 5.4, "1  settling\ngive out x(i)"),
         "collect": (3.3, 3.7, "2  collecting\nkeep the pair z(i), x(i)\ngive out x(i)"),
         "examine": (0.0, 2.0, f"4  examination\ngive out the network's\nanswer to {asked}(i)"),
-        "again": (3.3, 0.5, f"re-teaching: {scenario.pairs} newest\npairs, at most\n"
+        "again": (3.3, 0.5, f"re-teaching: {scenario.pairs} newest\npairs, cap:\n"
                   f"{scenario.reteach_epochs} epochs"),
-        "teach": (8.6, 2.0, f"3  teaching: one epoch\ndelta rule, rate {scenario.rate:g}"),
+        "teach": (8.6, 2.0, f"3  teaching: one epoch\ndelta rule, rate {scenario.rate:g}\n"
+                  f"cap: {scenario.max_epochs} epochs"),
         "ready": (8.6, 6.8, "keep the weights"),
     }  # fmt: skip
     rhombs = {
@@ -182,7 +183,7 @@ def algorithm(scenario: Scenario) -> Figure:
         "full": (5.9, 3.7, f"{scenario.pairs} pairs ?"),
         "due": (0.0, 0.5, f"{scenario.interval} steps since\nthe last teaching ?"),
         "stop": (8.6, 4.4, f"{scenario.reading} error\n< {scenario.delta:g}, or\n"
-                 f"{scenario.max_epochs} epochs ?"),
+                 "at the cap ?"),
     }  # fmt: skip
     shapes: dict[str, Any] = {}
     centre: dict[str, tuple[float, float]] = {}
