@@ -30,7 +30,7 @@ def north_east():
 def updated():
     # The product of the two densities on a fine grid.
     x = np.linspace(-100, 350, 200_001)
-    p = stats.norm.pdf(x, 100, 20) * stats.norm.pdf(130, x, 10)
+    p = stats.norm.pdf(x, 100, 15) * stats.norm.pdf(112, x, 5)
     p /= p.sum()
     mean = p @ x
     return [mean, np.sqrt(p @ (x - mean) ** 2)]
@@ -57,12 +57,12 @@ def runs_needed():
 
 
 def pairing_saves():
-    # Two squared errors with that correlation, drawn: the variances of their difference.
+    # Two such squared errors with that correlation, drawn: the variances of their difference.
     rng = np.random.default_rng(1)
     common, a, b, c = rng.standard_normal((4, 400_000))
     keep, own = np.sqrt(0.98), np.sqrt(0.02)
     first, second, apart = keep * common + own * a, keep * common + own * b, c
-    return np.var(first - apart) / np.var(first - second)
+    return np.var(1.2 * apart - first) / np.var(1.2 * second - first)
 
 
 def nees_simulated():
@@ -114,32 +114,38 @@ COMMON = [
     ("0.1", [-2.933, -4.08], "steps once more"),  # a sign of one component
     ("0.1", [-5.70, 7.93], "steps once more"),  # m/s taken for knots
     ("0.1", [-2.933, 4.080, 0.0], "shape"),
-    ("0.2", [115.0, 8.94], "steps once more"),  # the mean of the two
-    ("0.2", [124.0, 22.36], "steps once more"),  # variances added
-    ("0.2", 124.0, "shape"),
+    ("0.2", [106.0, 4.743], "steps once more"),  # the mean of the two
+    ("0.2", [110.8, 15.81], "steps once more"),  # variances added
+    ("0.2", [109.0, 4.743], "by variances"),  # weights by standard deviations, the spread right
+    ("0.2", 110.8, "shape"),
     ("0.3", 0.0354**0.5, "square, or the root"),
     ("0.3", 0.0708, "twice, or half"),
+    ("0.3", 0.00441, "Q_pv"),  # 0.3² (1 - a)²
     ("0.3", 0.0021, "steps once more"),
     ("0.4", foundations.process_noise(10.0, 120.0, 0.3), "function itself"),
     ("0.4", lambda dt, tau, sigma: np.full((2, 2), np.nan), "not finite"),
     (
         "0.4",
         lambda dt, tau, sigma: foundations.process_noise(dt, tau, sigma)[::-1, ::-1],
-        "numbers",
+        "position comes first",
     ),
+    ("0.4", lambda dt, tau, sigma: np.eye(2), "numbers"),
     ("0.4", lambda dt, tau, sigma: 1 / 0, "ZeroDivisionError"),
     ("0.5", 48, "power of ten"),
     ("0.5", 5000, "close"),
     ("0.5", -4802, "sign"),
-    ("0.6", 0.02, "steps once more"),
-    ("0.6", 2500.0, "square, or the root"),
-    ("0.6", 5.0, "power of ten"),
+    ("0.6", 0.0361, "other way round"),
+    ("0.6", 50.0, "variances differ"),
+    ("0.6", 768.8, "square, or the root"),
+    ("0.6", 2.773, "power of ten"),
     ("0.7", "holds", "steps once more"),
     ("0.7", 1, "words"),
     ("0.7", None, "words"),
     ("0.8", 2.425**0.5, "square, or the root"),
     ("0.8", 4.85, "twice, or half"),
     ("0.8", 0.524, "true random walk"),
+    ("0.8", 1.90, "gain of the told Q"),  # Riccati(true) / Riccati(told)
+    ("0.8", 4.0, "ratio of the Q"),
 ]
 
 

@@ -21,16 +21,17 @@ def _north_east(heading=HEADING, v_b=V_B, turn=lambda C: C):
 # ---------------------------------------------------------------- 0.2: one update by hand
 
 
-def _updated(gain=0.8):
-    # Prior 100 m, variance 400 m²; fix 130 m, variance 100 m².
-    P = (1 - gain) ** 2 * 400.0 + gain**2 * 100.0
-    return np.array([100.0 + gain * 30.0, math.sqrt(P)])
+def _updated(gain=0.9):
+    # Prior 100 m, variance 225 m²; fix 112 m, variance 25 m².
+    P = (1 - gain) ** 2 * 225.0 + gain**2 * 25.0
+    return np.array([100.0 + gain * 12.0, math.sqrt(P)])
 
 
-def _by_deviations():
-    gain = 20.0 / (20.0 + 10.0)
-    mean, spread = _updated(gain)
-    return [np.array([mean, s]) for s in (spread, math.sqrt((1 - gain) * 400.0), 20.0 / 3)]
+def _with_gain(gain):
+    # Whoever takes a wrong gain may find the spread in one of several ways.
+    mean, joseph = _updated(gain)
+    spreads = (joseph, math.sqrt((1 - gain) * 225.0), (1 - gain) * 15.0, _updated()[1])
+    return [np.array([mean, spread]) for spread in spreads]
 
 
 # ---------------------------------------------------------------- 0.3, 0.4: one step exactly
@@ -59,9 +60,23 @@ def _speed_alone(dt, tau, sigma):
     return np.diag([0.0, process_noise(dt, tau, sigma)[1, 1]])
 
 
+def _uncorrelated(dt, tau, sigma):
+    return np.diag(np.diag(process_noise(dt, tau, sigma)))
+
+
+def _speed_first(dt, tau, sigma):
+    return process_noise(dt, tau, sigma)[::-1, ::-1]
+
+
 # ---------------------------------------------------------------- 0.5, 0.6: how many runs
 
-QUANTILE, HALF_WIDTH, CORRELATION = 1.96, 0.02, 0.98
+QUANTILE, HALF_WIDTH, CORRELATION, WIDER = 1.96, 0.02, 0.98, 1.2
+
+
+def _saved(ratio=WIDER, twice=2.0):
+    """Return var(B - A) on separate noise over that on common noise; sd(B) = ratio sd(A)."""
+    apart = 1 + ratio**2
+    return apart / (apart - twice * CORRELATION * ratio)
 
 
 # ---------------------------------------------------------------- 0.7: a verdict
@@ -114,11 +129,10 @@ EXERCISES = {
     "0.2": Exercise(
         right=_updated,
         mistakes={
-            "The gain is made of variances, not of standard deviations.": _by_deviations,
-            "The more certain of the two gets the larger weight.": lambda: [
-                np.array([106.0, spread])
-                for spread in (_updated()[1], _updated(0.2)[1], math.sqrt(0.8 * 400.0))
-            ],
+            "Weights go by variances, not by standard deviations.": lambda: _with_gain(
+                15.0 / (15.0 + 5.0)
+            ),
+            "The more certain of the two gets the larger weight.": lambda: _with_gain(0.1),
             "The second number should be a standard deviation.": lambda: _updated() ** (1, 2),
         },
         rtol=1e-3,
@@ -135,16 +149,22 @@ EXERCISES = {
             "That part is inherited from the last step; what is asked for is new.": lambda: (
                 SPREAD**2 * math.exp(-2 * STEP / MEMORY)
             ),
+            "The square of 1 - a belongs to Q_pv; here it is the speed alone.": lambda: [
+                unit * (1 - math.exp(-STEP / MEMORY)) ** 2
+                for unit in (SPREAD**2, SPREAD**2 * MEMORY)
+            ],
         },
         rtol=5e-3,
     ),
     "0.4": Exercise(
         right=process_noise,
-        cases=[(10.0, 120.0, 0.3), (1.0, 120.0, 0.3), (60.0, 120.0, 0.5), (300.0, 40.0, 1.0)],
+        cases=[(10.0, 120.0, 0.3), (1.2, 120.0, 0.3), (60.0, 120.0, 0.5), (200.0, 40.0, 1.0)],
         mistakes={
             "That is Euler's rule: noise of the speed reaches the position within a step.": _euler,
             "That is the limit of a long memory: here the speed forgets.": _walk,
             "The noise of the speed moves the position within the same step.": _speed_alone,
+            "Position and speed get noises with something in common: Q_pv.": _uncorrelated,
+            "The position comes first, then the speed.": _speed_first,
         },
         rtol=1e-5,
     ),
@@ -168,15 +188,22 @@ EXERCISES = {
         rtol=1e-2,
     ),
     "0.6": Exercise(
-        right=lambda: 1 / (1 - CORRELATION),
+        right=_saved,
         mistakes={
-            "So much narrower is the interval; runs go with its square.": lambda: (
-                1 / math.sqrt(1 - CORRELATION)
+            "So much narrower is the interval; runs go with its square.": lambda: math.sqrt(
+                _saved()
+            ),
+            "The other way round: with noise of its own a filter needs more runs.": lambda: (
+                1 / _saved()
+            ),
+            "The two variances differ, and both stand in (D2).": lambda: _saved(ratio=1.0),
+            "1.2 is the ratio of the standard deviations; variances go with its square.": lambda: (
+                _saved(ratio=math.sqrt(WIDER))
             ),
             "Write down the variance of a difference, with its covariance.": lambda: [
+                _saved(twice=1.0),
                 1 / (1 - CORRELATION**2),
                 2 / (1 - CORRELATION),
-                1 + CORRELATION,
             ],
         },
     ),
@@ -196,6 +223,10 @@ EXERCISES = {
             ),
             "The believed variance divides, the actual one is divided.": lambda: 1 / _nees(),
             "The true random walk adds to the actual error in every step.": lambda: _nees(q=0.0),
+            "The actual error comes with the gain of the told Q, not with the best.": lambda: (
+                _steady(4.0, 100.0)[1] / _steady(1.0, 100.0)[1]
+            ),
+            "Q is one part of the error, the fix another: that is the ratio of the Q.": lambda: 4.0,
             "That is the prediction; the estimate after the fix is asked for.": _nees_of_prediction,
         },
     ),
