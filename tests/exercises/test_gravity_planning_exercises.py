@@ -94,7 +94,7 @@ def test_the_right_answer_found_another_way_is_right(number):
 
 
 WRONG = {
-    "5.1": (np.sqrt(1 + 2 / 11), np.sqrt(4 / 13), 1 + 4 / 13, -1.1435, 1143.5),
+    "5.1": (np.sqrt(1 + 2 / 11), np.sqrt(4 / 13), 1 + 4 / 13, -1.1435, 1143.5, 8 / 13, 4 / 13),
     "5.2": (128.8, 1.288, 1.605, 1.135e-3, 2.538),
     "5.3": (
         lambda J, H, R, Q: J + Q + np.outer(H, H) / R,
@@ -102,6 +102,7 @@ WRONG = {
         lambda J, H, R, Q: np.linalg.inv(joint(J, H, R, Q)),
         lambda J, H, R, Q: joint(J, H, R**2, Q),
         lambda J, H, R, Q: H @ J @ H,  # a number
+        lambda J, H, R, Q: joint(J, 0 * H, R, Q) + H @ H / R,
         lambda J, H, R: J,
         3.0,
     ),
@@ -115,7 +116,7 @@ WRONG = {
         [1005.5, 208.5],
     ),
     "5.6": (3.6, 0.0, 5.4, 0.2, 1.6),
-    "5.7": (1 / both_ways(), 1.784, 0.9375, 1.0769, np.nan),
+    "5.7": (1 / both_ways(), 1.784, 0.9375, 1.0769, np.nan, 0.6507, 8.244, 6.139, 2.105),
     "5.8": (
         lambda G1, P1, G2, P2, epsilon: G1 <= G2 and np.trace(P1) <= (1 + epsilon) * np.trace(P2),
         lambda G1, P1, G2, P2, epsilon: (
@@ -123,6 +124,9 @@ WRONG = {
         ),
         lambda G1, P1, G2, P2, epsilon: by_directions(0, P1, 0, P2, epsilon),
         lambda G1, P1, G2, P2, epsilon: by_directions(G1, P1, G2, P2, 0.0),
+        lambda G1, P1, G2, P2, epsilon: G1 <= G2 and bool((P1 <= (1 + epsilon) * P2).all()),
+        lambda G1, P1, G2, P2, epsilon: by_directions(G1, P1, (1 + epsilon) * G2, P2, epsilon),
+        lambda G1, P1, G2, P2, epsilon: G1 < G2 and by_directions(G1, P1, G2, P2, epsilon),
         lambda G1, P1, G2, P2, epsilon: True,
         True,
     ),

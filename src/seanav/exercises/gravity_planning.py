@@ -29,6 +29,11 @@ def _one_reading(R=4.0, slope=3.0):
     return _root(_bound([[0.0, slope]], np.sqrt(R)))[-1]
 
 
+def _one_reading_twice():
+    """Return what would be left if the reading told of both axes, km."""
+    return np.sqrt(2.0) * np.sqrt(_one_reading() ** 2 - 1.0)
+
+
 # 5.2 Drift of the INS -------------------------------------------------------------------------
 
 
@@ -75,12 +80,12 @@ def _trace(P):
 # 5.5 A plane and a field that turns -----------------------------------------------------------
 
 
-def _plane_and_turn(measure=_root):
+def _plane_and_turn(measure=_root, noise=2.0, readings=40):
     """Return what is left after 40 readings of one slope, and of two at right angles, km."""
-    plane = np.tile([3.0, 0.0], (40, 1))
+    plane = np.tile([3.0, 0.0], (readings, 1))
     turn = plane.copy()
-    turn[20:] = [0.0, 3.0]
-    return np.array([measure(_bound(slopes, 2.0)[-1]) for slopes in (plane, turn)])
+    turn[readings // 2 :] = [0.0, 3.0]
+    return np.array([measure(_bound(slopes, noise)[-1]) for slopes in (plane, turn)])
 
 
 # 5.6 A heuristic that promises too much -------------------------------------------------------
@@ -98,19 +103,24 @@ def _alternating(nodes=9, q=0.2):
 _LABELS = {"A": (3.0, np.diag([0.1, 1.0])), "B": (3.2, np.diag([0.5, 0.5]))}
 
 
-def _to_goal(P, slope=4.0, noise=2.0, nodes=5):
+def _to_goal(P, slopes=(4.0, 0.0), noise=2.0, nodes=5):
     """Return the cost of the nodes still to come, all with the slope east, km²."""
     J, cost = np.linalg.inv(P), 0.0
     for _ in range(nodes):
-        J = _step(J, [slope, 0.0], noise**2, np.zeros((2, 2)))
+        J = _step(J, slopes, noise**2, np.zeros((2, 2)))
         cost += np.trace(np.linalg.inv(J))
     return cost
 
 
-def _one_label(*, counted=True):
+def _both_labels(*, counted=True, cell=False, **other):
+    """Return the costs of the two paths, km²; `cell` counts the cell where they meet again."""
+    return [counted * G + cell * np.trace(P) + _to_goal(P, **other) for G, P in _LABELS.values()]
+
+
+def _one_label(**other):
     """Return the cost of the path of A* over that of the cheaper one."""
-    costs = {name: counted * G + _to_goal(P) for name, (G, P) in _LABELS.items()}
-    return costs["A"] / costs["B"]
+    kept, cheaper = _both_labels(**other)
+    return kept / cheaper
 
 
 # 5.8 Which label may go -----------------------------------------------------------------------
@@ -135,9 +145,14 @@ _LABEL_CASES = (
     (2.0, np.diag([0.5, 0.5]), 1.0, np.diag([0.6, 0.7]), 0.0),  # dearer
     (1.0, np.diag([0.1, 1.0]), 1.0, np.diag([0.9, 0.9]), 0.0),  # the trace alone would say yes
     (1.0, np.array([[0.5, 0.4], [0.4, 0.5]]), 1.0, np.diag([0.6, 0.6]), 0.0),  # so the diagonal
-    (1.0, np.diag([0.48, 0.48]), 1.0, np.diag([0.5, 0.5]), 0.3),
-    (1.0, np.diag([0.6, 0.6]), 1.0, np.diag([0.5, 0.5]), 0.3),  # only with the tolerance
+    # Entry by entry says no to the first of these two, and yes to the second.
+    (1.0, np.array([[0.3, 0.1], [0.1, 0.3]]), 2.0, np.diag([0.6, 0.6]), 0.0),
+    (1.0, np.array([[0.5, -0.4], [-0.4, 0.5]]), 2.0, np.diag([0.6, 0.6]), 0.0),
+    (1.0, np.diag([0.48, 0.48]), 2.0, np.diag([0.5, 0.5]), 0.3),
+    (1.0, np.diag([0.6, 0.6]), 2.0, np.diag([0.5, 0.5]), 0.3),  # only with the tolerance
     (1.0, np.diag([0.7, 0.7]), 1.0, np.diag([0.5, 0.5]), 0.3),
+    (1.1, np.diag([0.4, 0.4]), 1.0, np.diag([0.5, 0.5]), 0.3),  # dearer, if by little
+    (1.0, np.diag([0.4, 0.4]), 1.0, np.diag([0.5, 0.5]), 0.0),  # at one cost
 )
 
 
@@ -166,6 +181,14 @@ EXERCISES = {
             "Informations add, not covariances: work with the inverse of P.": lambda: np.sqrt(
                 2.0 + 4.0 / 9.0
             ),
+            "A reading tells of one axis only: the other one learns nothing.": (_one_reading_twice),
+            "That is the north variance alone; the trace has two terms.": lambda: (
+                _one_reading() ** 2 - 1.0
+            ),
+            "The slope enters squared, as R is the square of the noise.": lambda: [
+                _one_reading(slope=np.sqrt(3.0)),
+                _one_reading(R=2.0, slope=np.sqrt(3.0)),
+            ],
         },
         rtol=3e-3,
     ),
@@ -192,6 +215,12 @@ EXERCISES = {
                 np.linalg.inv(_step(J, H, R, Q))
             ),
             "R is a variance already: do not square it.": lambda J, H, R, Q: _step(J, H, R**2, Q),
+            "H is a row: H transposed times H is a matrix, not a number.": lambda J, H, R, Q: (
+                _step(J, np.zeros(2), R, Q) + H @ H / R
+            ),
+            "Q has no inverse if nothing drifts; add it to the inverse of J.": lambda J, H, R, Q: (
+                np.linalg.inv(np.linalg.inv(J) + np.linalg.pinv(Q)) + np.outer(H, H) / R
+            ),
             "The reading comes after the drift: add Q first.": lambda J, H, R, Q: np.linalg.inv(
                 np.linalg.inv(J + np.outer(H, H) / R) + Q
             ),
@@ -226,13 +255,19 @@ EXERCISES = {
             "On a plane the course does not matter: the slope is the same.": lambda: (
                 _plane_and_turn()[[1, 1]]
             ),
+            "Two milligal are the standard deviation; R is a variance.": lambda: _plane_and_turn(
+                noise=np.sqrt(2.0)
+            ),
+            "Forty readings count, half of them with each slope.": lambda: _plane_and_turn(
+                readings=2
+            ),
         },
         rtol=1e-3,
     ),
     "5.6": Exercise(
         right=_alternating,
         mistakes={
-            "That is what H promises; what is really left?": lambda: 2 * _alternating(),
+            "That is what the heuristic promises; what is really left?": lambda: 2 * _alternating(),
             "A reading sees one axis: the other one keeps its drift.": lambda: 0.0,
             "That is before each reading; the cost counts what is left after it.": lambda: (
                 3 * _alternating()
@@ -255,6 +290,20 @@ EXERCISES = {
             "Sum the trace at each of the five nodes, not only at the last.": lambda: (
                 (3.0 + 1 / 30 + 1.0) / (3.2 + 1 / 22 + 0.5)
             ),
+            "The readings see a slope to the east: the north axis learns nothing.": lambda: (
+                _one_label(slopes=(0.0, 4.0))
+            ),
+            "G holds the cell where the ways meet already; five nodes are to come.": lambda: [
+                _one_label(cell=True),
+                _one_label(cell=True, nodes=4),
+            ],
+            "The question asks for one cost over the other, not for a cost.": lambda: [
+                *_both_labels(),
+                abs(np.subtract(*_both_labels())),
+            ],
+            "Two milligal are the standard deviation; R is a variance.": lambda: _one_label(
+                noise=np.sqrt(2.0)
+            ),
         },
         rtol=5e-3,
     ),
@@ -266,6 +315,13 @@ EXERCISES = {
                 lambda apart: np.diag(apart).min()
             ),
             "A smaller trace is not enough: one direction may be known worse.": _by(np.trace),
+            "Entries one by one say nothing of other directions: an eigenvalue does.": _by(np.min),
+            "The tolerance is one of the covariances; the costs are compared as they are.": (
+                lambda G1, P1, G2, P2, epsilon: _dominates(G1, P1, G2 * (1 + epsilon), P2, epsilon)
+            ),
+            "At one and the same cost the better informed label is enough.": (
+                lambda G1, P1, G2, P2, epsilon: float(G1 < G2) * _dominates(G1, P1, G2, P2, epsilon)
+            ),
             "The cost has to be compared as well.": lambda G1, P1, G2, P2, epsilon: _dominates(
                 0.0, P1, 0.0, P2, epsilon
             ),
