@@ -36,7 +36,8 @@ def style(name: str, index: int) -> dict[str, Any]:
 
 def hidden_markov() -> Figure:
     """Draw the hidden Markov model of gravity-aided navigation."""
-    fig, ax = plt.subplots(figsize=(7.0, 2.9))
+    fig = plt.figure(figsize=(8.0, 1.9), layout="none")
+    ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
     steps = ("t-1", "t", "t+1")
     arrow = {"arrowstyle": "-|>", "color": "black", "shrinkA": 19, "shrinkB": 19}
     for column, step in enumerate(steps):
@@ -45,13 +46,13 @@ def hidden_markov() -> Figure:
             ax.add_patch(Circle((1.6 * column, row), 0.27, facecolor=face, edgecolor="black"))
             ax.text(1.6 * column, row, f"${letter}_{{{step}}}$", ha="center", va="center")
         ax.annotate("", (1.6 * column, 0.0), (1.6 * column, 1.0), arrowprops=arrow)
-        ax.text(1.6 * column + 0.08, 0.5, r"$h(x)+w$", va="center")
+        ax.text(1.6 * column + 0.08, 0.5, r"$h(x)+m+w$", va="center")
     for begin in np.arange(-1, 3) * 1.6:
         ax.annotate("", (begin + 1.6, 1.0), (begin, 1.0), arrowprops=arrow)
         ax.text(begin + 0.8, 1.1, r"$+u+v$", ha="center")
     ax.text(-1.55, 1.0, "hidden position", va="center", ha="right")
     ax.text(-1.55, 0.0, "gravity reading", va="center", ha="right")
-    ax.set(xlim=(-3.4, 4.9), ylim=(-0.4, 1.45), aspect="equal")
+    ax.set(xlim=(-3.2, 4.9), ylim=(-0.4, 1.45), aspect="equal")
     ax.axis("off")
     return fig
 
@@ -208,7 +209,7 @@ def rmse_curves(scores: dict[str, list[Score]], level: int) -> Figure:
             _ratio(low, along, one, **look)
     low.axhline(1.0, color="0.5", linewidth=0.8)
     top.set(ylabel="RMSE (km)")
-    low.set(xlabel="distance along the path (km)", ylabel="RMSE over PCRB")
+    low.set(xlabel="distance along the path (km)", ylabel="RMSE over root PCRB")
     _decades(top)
     top.legend(ncols=2)
     return fig
@@ -298,7 +299,7 @@ def methods(cases: dict[str, Case]) -> Figure:
         low.set(xlabel="distance along the path (km)")
         _decades(top)
     axes[0, 0].set_ylabel("RMSE (km)")
-    axes[1, 0].set_ylabel("over the PCRB at the truth")
+    axes[1, 0].set_ylabel("over the root PCRB\nat the truth")
     axes[0, -1].legend()
     return fig
 

@@ -89,7 +89,7 @@ class Scenario(Parameters):
         _FAN,
         unit="km",
         origin="assumed",
-        note="amplitudes of L3, L4, …, left positive, as many as the text has",
+        note="amplitudes of L3, L4, …, west positive, as many as the text has",
     )
     fan_2_km: tuple = parameter(
         (27.5, 22.0, 16.5, 11.0, 5.5, -5.5, -11.0, -16.5, -22.0, -27.5),
