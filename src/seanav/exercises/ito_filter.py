@@ -65,6 +65,23 @@ def _once():
     return _closures(lambda name, mean, rate: (mean, (rate - g**2) / 2 + g**2))
 
 
+def _g_once():
+    g = POINT["g"]
+    return _closures(lambda name, mean, rate: (mean, rate - g**2 + g))
+
+
+def _bend_once():
+    # The cube of m + e with e² once, not three times.
+    bend = POINT["c"] * POINT["m"] * POINT["P"]
+    return _closures(lambda n, mean, rate: (mean + (n != "ekf") * 2 * bend, rate))
+
+
+def _one_pairing():
+    # ⟨e⁴⟩ = P².
+    lost = 4 * POINT["c"] * POINT["P"] ** 2
+    return _closures(lambda n, mean, rate: (mean, rate + (n == "gaussian") * lost))
+
+
 def _g_plain():
     return _closures(lambda name, mean, rate: (mean, rate - POINT["g"] ** 2))
 
@@ -75,6 +92,11 @@ def _g_plain():
 def _at_rest(pairings=3.0, a=1.0, c=2.0, g=1.0):
     """Return the positive root of 2 (a + pairings c P) P = g²."""
     return (-a + np.sqrt(a**2 + 2 * pairings * c * g**2)) / (2 * pairings * c)
+
+
+def _slope_once(a=1.0, c=2.0, g=1.0):
+    """Return the positive root of (a + 3 c P) P = g²."""
+    return (-a + np.sqrt(a**2 + 12 * c * g**2)) / (6 * c)
 
 
 def _exact_at_rest(a=1.0, c=2.0, g=1.0):
@@ -98,10 +120,10 @@ def _after(closure, variance=0.2, which="mean"):
 # ---------------------------------------------------------------- 1.7: measured speed
 
 
-def _surge(shift=1.0, spread=1.0, R=1e-3, z=1.3):
+def _surge(shift=1.0, spread=1.0, R=1e-3, z=1.3, bent=(2.0, 2.0, 2.0)):
     """Return the mean of u after measuring u² + v² + w²."""
     mean, P = np.array([1.0, 0.0, 0.0]), np.diag([0.05, 0.02, 0.02])
-    slope, curve = 2 * mean, 2 * np.eye(3)
+    slope, curve = 2 * mean, np.diag(bent)
     predicted = mean @ mean + shift * np.trace(curve @ P) / 2
     variance = slope @ P @ slope + spread * np.trace(curve @ P @ curve @ P) / 2 + R
     return float((mean + P @ slope * (z - predicted) / variance)[0])
@@ -132,6 +154,27 @@ def _quintic_one_pairing(m, P, a, c, g):
 
 def _quintic_slope_at_mean(m, P, a, c, g):
     return np.array([quintic(m, P, a, c, g)[0], _quintic_ekf(m, P, a, c, g)[1]])
+
+
+def _quintic_binomial(m, P, a, c, g):
+    return quintic(m, P, a, c, g) + np.array([5 * c * m**3 * P, 0.0])
+
+
+def _quintic_slope_of_power(m, P, a, c, g):
+    return np.array([quintic(m, P, a, c, g)[0], -2 * (a + c * _fourth(m, P)) * P + g**2])
+
+
+def _fourth(m, P):
+    return m**4 + 6 * m**2 * P + 3 * P**2
+
+
+def _quintic_once(m, P, a, c, g):
+    return np.array([quintic(m, P, a, c, g)[0], -(a + 5 * c * _fourth(m, P)) * P + g**2])
+
+
+def _quintic_no_fourth(m, P, a, c, g):
+    slope = a + 5 * c * (m**4 + 6 * m**2 * P)
+    return np.array([-a * m - c * (m**5 + 10 * m**3 * P), -2 * slope * P + g**2])
 
 
 def _quintic_noise(m, P, a, c, g):
@@ -186,6 +229,10 @@ EXERCISES = {
                 np.array([7.0, 6.0])
             ),
             "x and y are correlated: ⟨xy⟩ is not zero.": lambda: np.array([6.0, 0.0]),
+            "Each pairing of x³y has one pair x, x and one pair x, y in it.": lambda: [
+                np.array([8.0, 3.0]),
+                np.array([8.0, 18.0]),
+            ],
         },
         rtol=1e-3,
     ),
@@ -200,6 +247,9 @@ EXERCISES = {
             "A filter that thinks its errors too large divides by too much.": lambda: _nees(
                 factor=0.5
             ),
+            "That is by how much the covariance is too large; the NEES divides by it.": lambda: (
+                _nees(1, 0.5)
+            ),
         },
         rtol=1e-3,
     ),
@@ -210,6 +260,9 @@ EXERCISES = {
             "The Gaussian closure averages the slope, too: ⟨x²⟩ is m² + P.": _one_slope,
             "The error meets the slope twice in dP/dt: once from each side.": _once,
             "dP/dt has the noise in it as well: g².": _g_plain,
+            "The noise enters dP/dt with its square, not with g.": _g_once,
+            "The cube of m + e holds m e² three times.": _bend_once,
+            "⟨e⁴⟩ of a Gaussian is 3P²: count the pairings.": _one_pairing,
             "The rows are to be in the order EKF, truncated, Gaussian.": lambda: [
                 _closures()[::-1],
                 _closures()[[0, 2, 1]],
@@ -231,6 +284,7 @@ EXERCISES = {
             "That is the exact variance; asked for is that of the Gaussian closure.": (
                 _exact_at_rest
             ),
+            "The slope stands twice in dP/dt: once from each side.": _slope_once,
         },
         rtol=2e-3,
     ),
@@ -268,6 +322,9 @@ EXERCISES = {
                 _surge(2.0, 1.0),
                 _surge(1.0, 2.0),
             ],
+            "v and w have mean zero, not variance zero: both traces count them.": lambda: _surge(
+                bent=(2.0, 0.0, 0.0)
+            ),
             "R is a variance already.": lambda: [_surge(R=1e-6), _surge(R=1e-3**0.5)],
         },
         rtol=3e-4,
@@ -286,6 +343,10 @@ EXERCISES = {
             "⟨e⁴⟩ of a Gaussian is 3P².": _quintic_one_pairing,
             "The mean is right; the slope must be averaged, too.": _quintic_slope_at_mean,
             "The noise enters dP/dt with g².": _quintic_noise,
+            "The fifth power of m + e holds m³ e² ten times.": _quintic_binomial,
+            "The slope of x⁵ is 5x⁴.": _quintic_slope_of_power,
+            "The slope stands twice in dP/dt: once from each side.": _quintic_once,
+            "⟨e⁴⟩ of a Gaussian is not zero.": _quintic_no_fourth,
         },
         rtol=1e-6,
     ),
@@ -299,6 +360,10 @@ EXERCISES = {
             "One order can add up to three to the rank; compute it exactly.": lambda: np.array(
                 [3.0, 4.0, 5.0, 6.0]
             ),
+            "A state that one equation lacks may enter through others; count all rows.": lambda: [
+                np.array([3.0, 5.0, 5.0, 5.0]),
+                np.array([3.0, 5.0, 5.0, 6.0]),
+            ],
             "The rank counts all six states; begin with the three measured ones.": lambda: (
                 _ranks() - 3
             ),
