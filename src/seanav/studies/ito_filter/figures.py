@@ -210,10 +210,12 @@ def sensitivity(variances: ArrayLike, factors: Sequence, sds: np.ndarray) -> Fig
 
 
 def planar(times: np.ndarray, curves: dict[str, tuple[np.ndarray, ...]]) -> Figure:
-    """Draw mean and variance of the planar body: exact and closures, {name: (z, trace)}."""
+    """Draw mean and variance of the planar body: exact and two closures, {name: (z, trace)}."""
     fig, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.4))
-    for name, (z, trace) in curves.items():
-        left.plot(z.real, z.imag, label=NAMES[name], **STYLES[name])
+    every = max(1, round(2.0 / (times[1] - times[0])))  # a mark every two seconds
+    for (name, (z, trace)), mark in zip(curves.items(), ("o", "s", "^"), strict=True):
+        marks: dict[str, Any] = {"marker": mark, "markersize": 4, "markevery": every}
+        left.plot(z.real, z.imag, label=NAMES[name], **marks, **STYLES[name])
         right.plot(times, trace, label=NAMES[name], **STYLES[name])
     left.set(xlabel="mean u (m/s)", ylabel="mean v (m/s)", aspect="equal")
     right.set(xlabel="time (s)", ylabel="var u + var v (m²/s²)")
