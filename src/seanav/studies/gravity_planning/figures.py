@@ -209,7 +209,7 @@ def rmse_curves(scores: dict[str, list[Score]], level: int) -> Figure:
             _ratio(low, along, one, **look)
     low.axhline(1.0, color="0.5", linewidth=0.8)
     top.set(ylabel="RMSE (km)")
-    low.set(xlabel="distance along the path (km)", ylabel="RMSE over root PCRB")
+    low.set(xlabel="distance along the path (km)", ylabel="RMSE over\nroot PCRB")
     _decades(top)
     top.legend(ncols=2)
     return fig
