@@ -228,7 +228,7 @@ def printed_and_ours(rows: Mapping[str, Sequence[tuple]], shares: Sequence[float
             hollow = {"mfc": "white"} if "stationary" in name else {}
             axis.plot([low, high], [place, place], color="0.3", ls="-", lw=1.2)
             axis.plot(value, place, "o", color="0.1", ms=5, **hollow)
-        axis.set(xlabel="ours / printed", title=column)
+        axis.set(xlabel="ours / printed", title=column.split("_")[0])
     axes[0].set_yticks(range(len(rows)), list(rows), fontsize=8)
     axes[0].invert_yaxis()
     return fig
