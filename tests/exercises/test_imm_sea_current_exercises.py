@@ -146,6 +146,31 @@ def test_common_wrong_answers_are_not_right(number, wrong):
     assert hint(exercise, "a word")
 
 
+def row_of(ahead, water):
+    """Return the nine numbers of H by the vector product."""
+    ahead = np.array(ahead)
+    return np.r_[ahead, -np.cross(ahead, water), -ahead]
+
+
+C60, S60 = 0.5, math.sqrt(0.75)
+BETAS = np.maximum(np.random.default_rng(2).chisquare(40, 200_000) / 39, 1.0)
+BY_HAND = {
+    "a root forgotten": ("4.1", 0.4 * (1 - math.exp(-1.5)), "root of the share"),
+    "mine over pure": ("4.2", 115.0, "gained"),
+    "west is plus": ("4.3", row_of([C60, S60, 0], [4.4, 10 * S60 - 0.2, 0]), "West"),
+    "body axes": ("4.3", [1, 0, 0, 0, 0, -0.1 - 0.6 * S60, -1, 0, 0], "turn what is ahead"),
+    "sine for cosine": ("4.3", row_of([S60, C60, 0], [10 * S60 - 0.6, 5.2, 0]), "north component"),
+    "the prior": ("4.4", 0.77, "before the measurement"),
+    "logarithm last": ("4.6", math.log(2) / math.log(BETAS.mean()), "mean of the logarithms"),
+    "doubling each second": ("4.7", 18.06, "near one only"),
+}
+
+
+@pytest.mark.parametrize(("number", "wrong", "said"), BY_HAND.values(), ids=list(BY_HAND))
+def test_a_mistake_made_by_hand_gets_a_hint_about_it(number, wrong, said):
+    assert said in hint(EXERCISES[number], wrong)
+
+
 @pytest.mark.parametrize("said", EXERCISES["4.5"].mistakes)
 def test_wrong_fading_factors_get_their_own_hint(said):
     assert hint(EXERCISES["4.5"], EXERCISES["4.5"].mistakes[said]) == said

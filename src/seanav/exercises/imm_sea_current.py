@@ -40,10 +40,17 @@ HEADING, SPEED = math.radians(60.0), 10.0  # m/s over ground, straight ahead
 CURRENT = np.array([0.6, -0.2, 0.0])  # m/s, north, east, down
 
 
-def _row(current: np.ndarray = CURRENT, turn: float = -1.0, water: float = -1.0) -> np.ndarray:
-    ahead = np.array([math.cos(HEADING), math.sin(HEADING), 0.0])
+def _row(
+    current: np.ndarray = CURRENT, turn: float = -1.0, water: float = -1.0, heading: float = HEADING
+) -> np.ndarray:
+    ahead = np.array([math.cos(heading), math.sin(heading), 0.0])
     relative = SPEED * ahead - current
     return np.concatenate([ahead, turn * ahead @ skew(relative), water * ahead])
+
+
+def _in_body_axes(vector: np.ndarray) -> np.ndarray:
+    c, s = math.cos(HEADING), math.sin(HEADING)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ vector
 
 
 # ---------------------------------------------------------------- 4.4: one second of the IMM
@@ -51,11 +58,21 @@ def _row(current: np.ndarray = CURRENT, turn: float = -1.0, water: float = -1.0)
 KEEP, MU, RESIDUAL, VARIANCES = 0.95, np.array([0.8, 0.2]), 0.25, (0.01, 0.09)
 
 
-def _belief(keep: float = KEEP, root: float = 0.5, inside: float = 1.0, half: float = 0.5) -> float:
-    """Return the probability of model 1; `root` and `inside` are powers of S in (24)."""
+def _belief(
+    keep: float = KEEP,
+    root: float = 0.5,
+    inside: float = 1.0,
+    half: float = 0.5,
+    mu: Sequence[float] = (0.8, 0.2),
+    power: float = 2.0,
+) -> float:
+    """Return the probability of model 1.
+
+    `root` and `inside` are powers of S in (24), `power` that of the residual.
+    """
     S = np.array(VARIANCES)
-    prior = np.array([[keep, 1 - keep], [1 - keep, keep]]).T @ MU
-    mass = prior * S**-root * np.exp(-half * RESIDUAL**2 / S**inside)
+    prior = np.array([[keep, 1 - keep], [1 - keep, keep]]).T @ np.array(mu)
+    mass = prior * S**-root * np.exp(-half * RESIDUAL**power / S**inside)
     return float(mass[0] / mass.sum())
 
 
@@ -101,6 +118,10 @@ def _full_window(residuals, S, window):
     return max(1.0, float(last @ last) / (window - 1) / S) if len(last) > 1 else 1.0
 
 
+def _root(residuals, S, window):
+    return math.sqrt(fading_factor(residuals, S, window))
+
+
 # ---------------------------------------------------------------- 4.6: how fast (17) diverges
 
 WINDOW = 40
@@ -115,6 +136,13 @@ def growth(window: int, *, both: bool = False, divided: int = 1) -> float:
         return math.log(x / (window - divided)) * law.pdf(x)
 
     return float(integrate.quad(part, least, law.isf(1e-14), limit=200)[0])
+
+
+def _of_the_mean(window: int) -> float:
+    """Return ln of the mean of beta: the order of the two exchanged."""
+    law, full = stats.chi2(window), window - 1
+    above = integrate.quad(lambda x: x / full * law.pdf(x), full, law.isf(1e-14), limit=200)[0]
+    return math.log(law.cdf(full) + above)
 
 
 # ---------------------------------------------------------------- 4.7: the sign of the update
@@ -208,6 +236,10 @@ EXERCISES = {
                 SIGMA * math.sqrt(2 * HOURS / MEMORY)
             ),
             "After ninety minutes it has not yet reached its stationary law.": lambda: SIGMA,
+            "It is the variances that add up: take the root of the share.": lambda: [
+                SIGMA * (1 - math.exp(-2 * HOURS / MEMORY)),
+                SIGMA * (1 - math.exp(-HOURS / MEMORY)),
+            ],
         },
         rtol=5e-3,
     ),
@@ -222,6 +254,10 @@ EXERCISES = {
                 100 * (PURE - OURS) / PURE
             ),
             "Compare with pure navigation, not with the optimal EKF.": lambda: 100 * BEST / OURS,
+            "Not the errors are compared but what is gained on pure navigation.": lambda: [
+                100 * OURS / PURE,
+                100 * OURS / BEST,
+            ],
         },
         rtol=5e-3,
     ),
@@ -234,8 +270,15 @@ EXERCISES = {
             "A current along the course lowers what the log reads: look at its sign.": lambda: _row(
                 water=1.0
             ),
-            "Expand C(q̂) with the sign of (8): look at the attitude's three numbers.": lambda: _row(
-                turn=1.0
+            "Look at the attitude's three numbers: the signs of (8) and of the current.": lambda: (
+                _row(turn=1.0)
+            ),
+            "West is minus east.": lambda: _row(CURRENT * [1, -1, 1]),
+            "A heading of zero is north, and the north component comes first.": lambda: _row(
+                heading=math.pi / 2 - HEADING
+            ),
+            "The errors are north, east and down: turn what is ahead into these axes.": lambda: (
+                _row(_in_body_axes(CURRENT), heading=0.0)
             ),
         },
         rtol=2e-3,
@@ -253,6 +296,14 @@ EXERCISES = {
             ],
             "There is a half in the exponent.": lambda: _belief(half=1.0),
             "That is the other model.": lambda: 1 - _belief(),
+            "The residual is squared in (24).": lambda: _belief(power=1.0),
+            "The models are not equally likely before the measurement.": lambda: [
+                _belief(mu=(0.5, 0.5)),
+                _belief(keep=1.0, mu=(KEEP, 1 - KEEP)),
+            ],
+            "That is before the measurement; what does the residual say?": lambda: float(
+                KEEP * MU[0] + (1 - KEEP) * MU[1]
+            ),
         },
         rtol=5e-3,
     ),
@@ -270,6 +321,7 @@ EXERCISES = {
             "(16) never shrinks the covariance.": _unbounded,
             "Only the last `window` residuals count.": _all,
             "At the start there are fewer residuals than the window holds.": _full_window,
+            "(16) is a ratio of variances: take no root.": _root,
         },
         rtol=1e-6,
     ),
@@ -282,6 +334,13 @@ EXERCISES = {
             ),
             "Ŝ is divided by M − 1.": lambda: math.log(2) / growth(WINDOW, divided=0),
             "That is the time to grow e-fold, not twofold.": lambda: 1 / growth(WINDOW),
+            "The logarithm of a mean is not the mean of the logarithms.": lambda: (
+                math.log(2) / _of_the_mean(WINDOW)
+            ),
+            "β multiplies a variance, and it is the variance that is asked for.": lambda: [
+                2 * math.log(2) / growth(WINDOW),
+                math.log(2) / growth(WINDOW) / 2,
+            ],
             "That is the growth in one step; how long does a doubling take?": lambda: growth(
                 WINDOW
             ),
@@ -302,6 +361,9 @@ EXERCISES = {
                 math.log10(0.3 * _grown_by()),
                 0.3 * _grown_by(),
             ],
+            "An error is doubled while the gain is near one only: run the recursion.": lambda: (
+                60 * math.log10(2)
+            ),
         },
         rtol=1e-2,
     ),
@@ -328,6 +390,10 @@ EXERCISES = {
             "The second number is the least rate of that filter.": lambda: np.array(
                 [_best_choice()[0], rates().min()]
             ),
+            "Of the three rates of that filter the least one is asked for.": lambda: [
+                np.array([_best_choice()[0], how(rates()[CHOICES.index(_best_choice()[0])])])
+                for how in (np.mean, np.median, np.max)
+            ],
         },
         rtol=1e-2,
     ),
@@ -340,6 +406,7 @@ EXERCISES = {
             "Judge a pair by the sea where its rate is least, not by the calm one.": lambda: SECOND[
                 int(np.argmax(pair_rates()[:, 0]))
             ],
+            "That is the better one on the long mission: fly the short one.": lambda: explore.OTHER,
         },
     ),
 }
