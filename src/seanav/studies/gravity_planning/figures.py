@@ -36,8 +36,7 @@ def style(name: str, index: int) -> dict[str, Any]:
 
 def hidden_markov() -> Figure:
     """Draw the hidden Markov model of gravity-aided navigation."""
-    fig = plt.figure(figsize=(8.0, 1.9), layout="none")
-    ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
+    fig, ax = plt.subplots(figsize=(8.0, 1.9))
     steps = ("t-1", "t", "t+1")
     arrow = {"arrowstyle": "-|>", "color": "black", "shrinkA": 19, "shrinkB": 19}
     for column, step in enumerate(steps):
