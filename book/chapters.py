@@ -95,17 +95,25 @@ def figure(stem: str, caption: str, output: nbformat.NotebookNode) -> str:
     return f'<figure class="result"{place}>{picture}{below}</figure>'
 
 
-def rows_of(lines: list[str], most: int | None = None) -> list[list[str]]:
-    """Return the rows of the table that `lines` begin with; none if they begin with no table."""
+def rows_of(lines: list[str], most: int | None = None) -> tuple[list[list[str]], int]:
+    """Return the rows of the table that `lines` begin with, if any, and how many lines it has.
+
+    A line without a first entry goes on with the row above it: its long entries are folded.
+    """
     starts = [k for found in re.finditer(r"\S+(?: \S+)*", lines[0]) if (k := found.start())]
     cut = [slice(a, b) for a, b in zip([0, *starts], [*starts, None], strict=True)]
     rows: list = []
-    for text in lines[:most]:
+    count = 0
+    for count, text in enumerate([*lines[:most], ""]):
         # What is not a row has letters where the columns are parted.
         if not text.strip() or any(text[k - 2 : k].strip() for k in starts):
             break
-        rows.append([text[k].strip() for k in cut])
-    return rows if starts and len(rows) > 1 else []
+        row = [text[k].strip() for k in cut]
+        if rows and not row[0]:
+            rows[-1] = [" ".join(filter(None, pair)) for pair in zip(rows[-1], row, strict=True)]
+        else:
+            rows.append(row)
+    return (rows, count) if starts and len(rows) > 1 else ([], 0)
 
 
 def grid(rows: list[list[str]]) -> str:
@@ -132,14 +140,15 @@ def table(stem: str, caption: str, lines: list[str]) -> str:
         path = path.with_name("parameters.csv")
     most, file = None, ""
     if path.exists():
-        with path.open(encoding="utf-8", newline="") as text:
-            most = sum(1 for _ in csv.reader(text))
+        if number:  # the parameters are folded: they have more lines than rows
+            with path.open(encoding="utf-8", newline="") as text:
+                most = sum(1 for _ in csv.reader(text))
         file = f' <a class="file" href="{stem}/{path.name}" download>CSV</a>'
     grids = []
-    while lines and (rows := rows_of(lines, most)):
-        grids.append(grid(rows))
-        del lines[: len(rows)]
-        if lines[1:] and not lines[0].strip() and rows_of(lines[1:], most):
+    while lines and (found := rows_of(lines, most))[0]:
+        grids.append(grid(found[0]))
+        del lines[: found[1]]
+        if lines[1:] and not lines[0].strip() and rows_of(lines[1:], most)[0]:
             del lines[0]
     place = anchor("table", number) if number else "parameters"
     above = f"<figcaption>{escape(caption)}{file}</figcaption>"
