@@ -104,7 +104,7 @@ def rows_of(lines: list[str], most: int | None = None) -> tuple[list[list[str]],
     cut = [slice(a, b) for a, b in zip([0, *starts], [*starts, None], strict=True)]
     rows: list = []
     count = 0
-    for count, text in enumerate([*lines[:most], ""]):
+    for text in lines[:most]:
         # What is not a row has letters where the columns are parted.
         if not text.strip() or any(text[k - 2 : k].strip() for k in starts):
             break
@@ -113,6 +113,7 @@ def rows_of(lines: list[str], most: int | None = None) -> tuple[list[list[str]],
             rows[-1] = [" ".join(filter(None, pair)) for pair in zip(rows[-1], row, strict=True)]
         else:
             rows.append(row)
+        count += 1
     return (rows, count) if starts and len(rows) > 1 else ([], 0)
 
 
