@@ -28,6 +28,8 @@ mathjax_path = "mathjax/tex-svg.js"
 html_show_search_summary = False
 nb_ipywidgets_js = {}
 html_show_sourcelink = False
+# The page of the functions and the search say what is where.
+html_domain_indices = False
 html_copy_source = False
 # What is stored in the notebooks is shown; nothing is executed.
 nb_execution_mode = "off"
