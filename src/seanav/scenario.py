@@ -14,6 +14,7 @@ Conditions between parameters go into ``__attrs_post_init__``.
 import math
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sized
+from pathlib import Path
 from typing import Any, Self
 
 import attrs
@@ -84,6 +85,11 @@ class Text:
         if not isinstance(value, str) or "\0" in value:
             raise ParameterError(name, value, "must be text")
         return value
+
+
+@attrs.frozen
+class File(Text):
+    """The path of a user's own file, empty for none; results show its name alone."""
 
 
 @attrs.frozen
@@ -213,7 +219,7 @@ class Parameters:
     def origins(self) -> list[tuple]:
         """Return rows (name, value, unit, origin, note) for `seanav.report.Report.parameters`."""
         return [
-            (name, _shown(getattr(self, name)), about.unit, about.origin, about.note)
+            (name, _shown(getattr(self, name), about.kind), about.unit, about.origin, about.note)
             for name, (_, about) in self.declared().items()
         ]
 
@@ -245,5 +251,7 @@ def _literal(value):
     return repr(value)
 
 
-def _shown(value):
+def _shown(value, kind=None):
+    if isinstance(kind, File):
+        return Path(value).name  # results hold no place of a machine
     return " ".join(str(_shown(entry)) for entry in value) if isinstance(value, tuple) else value
