@@ -2,18 +2,17 @@
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 
-import attrs
 import numpy as np
 from scipy import integrate, stats
 
+from seanav.exercises import imm_seas as seas
 from seanav.exercises.judge import Exercise
 from seanav.filters import imm
 from seanav.models import currents
 from seanav.models.attitude import skew
-from seanav.studies.imm_sea_current import appendix, explore, linear, run, scores
-from seanav.studies.imm_sea_current.scenario import Scenario
+from seanav.studies.imm_sea_current import appendix, explore
 
 # ---------------------------------------------------------------- 4.1: a current from zero
 
@@ -86,27 +85,24 @@ def _from_kernel() -> float:
 # ---------------------------------------------------------------- 4.5: the fading factor
 
 
-def fading_factor(residuals: Sequence[float], S: float, window: int) -> float:
-    """Return beta of (15) and (16) after the last of `residuals`, of variance S by the filter."""
+def _mean_square(last):
+    return float(last @ last) / (len(last) - 1)
+
+
+def fading_factor(
+    residuals: Sequence[float],
+    S: float,
+    window: int,
+    *,
+    variance: Callable = _mean_square,
+    least: float = 1.0,
+) -> float:
+    """Return beta of (15) and (16) after the last of `residuals`, of variance S by the filter.
+
+    `variance` takes the residuals in the window; beta is not below `least`.
+    """
     last = np.asarray(residuals, dtype=float)[-window:]
-    if len(last) < 2:
-        return 1.0
-    return max(1.0, float(last @ last) / (len(last) - 1) / S)
-
-
-def _over_n(residuals, S, window):
-    last = np.asarray(residuals, dtype=float)[-window:]
-    return max(1.0, float(last @ last) / len(last) / S) if len(last) > 1 else 1.0
-
-
-def _centred(residuals, S, window):
-    last = np.asarray(residuals, dtype=float)[-window:]
-    return max(1.0, float(np.var(last, ddof=1)) / S) if len(last) > 1 else 1.0
-
-
-def _unbounded(residuals, S, window):
-    last = np.asarray(residuals, dtype=float)[-window:]
-    return float(last @ last) / (len(last) - 1) / S if len(last) > 1 else 1.0
+    return 1.0 if len(last) < 2 else max(least, float(variance(last)) / S)
 
 
 def _all(residuals, S, window):
@@ -114,8 +110,7 @@ def _all(residuals, S, window):
 
 
 def _full_window(residuals, S, window):
-    last = np.asarray(residuals, dtype=float)[-window:]
-    return max(1.0, float(last @ last) / (window - 1) / S) if len(last) > 1 else 1.0
+    return fading_factor(residuals, S, window, variance=lambda last: last @ last / (window - 1))
 
 
 def _root(residuals, S, window):
@@ -159,66 +154,6 @@ def _grown_by(sign: float = 1.0) -> float:
         e = np.array([1.0, a]) * e
         e = e + sign * K * (e[0] - e[1])
     return float(e[0] / 0.3)
-
-
-# ---------------------------------------------------------------- 4.8: better gyros
-
-
-@cache
-def crossing(better: float = 10.0, start: str = "zero", what: str = "gyro_bias_deg_h") -> float:
-    """Return the true sigma (m/s) at which EKF 0.1 is as good as pure navigation.
-
-    Of the sensors `what` is so many times better than in Table 1.
-    """
-    one = Scenario(initial_current=start)
-    one = attrs.evolve(one, **{what: getattr(one, what) / better})
-    fine = np.linspace(0.05, 2.0, 391)
-    curve = [linear.tcep(one, 0.1, s) for s in fine]
-    level = linear.tcep(one, None, 1.0)
-    found = scores.crossing(fine, curve, np.full(len(fine), level))
-    return math.nan if found is None else found
-
-
-# ---------------------------------------------------------------- 4.9: the best single filter
-
-CHOICES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # m/s, of the filter
-SEAS = (0.05, 0.3, 1.0)  # m/s
-
-
-@cache
-def rates() -> np.ndarray:
-    """Return the rates (28), in percent, of each choice (rows) in each sea (columns)."""
-    one = Scenario()
-    return np.array([[linear.rate(one, f, s) for s in SEAS] for f in CHOICES])
-
-
-def _best_choice(rule: Callable = np.min) -> np.ndarray:
-    judged = rule(rates(), axis=1)
-    k = int(np.argmax(judged))
-    return np.array([CHOICES[k], np.min(rates()[k])])
-
-
-# ---------------------------------------------------------------- 4.10: the best pair
-
-SECOND = (0.3, 0.5, 0.8, 1.0)  # m/s, of the second sub-filter
-
-
-@cache
-def pair_rates() -> np.ndarray:
-    """Return the rates of IMMs of plain EKFs, each pair (rows) in each sea (columns), flown."""
-    lap, sensors = explore.scenario(), explore.sensors()
-
-    def tcep(filter_, sigma):
-        return scores.tcep(run.fly(lap, sensors, filter_, sigma)).value
-
-    pure = tcep(run.PURE, 1.0)
-    best = [tcep(run.optimal(s), s) for s in SEAS]
-    found = [[tcep(run.EKF(0.1, second), s) for s in SEAS] for second in SECOND]
-    return 100 * (pure - np.array(found)) / (pure - np.array(best))
-
-
-def _best_pair(rule: Callable = np.min) -> float:
-    return SECOND[int(np.argmax(rule(pair_rates(), axis=1)))]
 
 
 EXERCISES = {
@@ -316,9 +251,13 @@ EXERCISES = {
             ([2.0, 0.3, 0.1, -0.4, 0.35], 0.02, 3),
         ],
         mistakes={
-            "Divide by n − 1, as (15) does.": _over_n,
-            "The residuals should have the mean zero: do not subtract their own.": _centred,
-            "(16) never shrinks the covariance.": _unbounded,
+            "Divide by n − 1, as (15) does.": partial(
+                fading_factor, variance=lambda x: x @ x / len(x)
+            ),
+            "The residuals should have the mean zero: do not subtract their own.": partial(
+                fading_factor, variance=partial(np.var, ddof=1)
+            ),
+            "(16) never shrinks the covariance.": partial(fading_factor, least=0.0),
             "Only the last `window` residuals count.": _all,
             "At the start there are fewer residuals than the window holds.": _full_window,
             "(16) is a ratio of variances: take no root.": _root,
@@ -368,44 +307,49 @@ EXERCISES = {
         rtol=1e-2,
     ),
     "4.8": Exercise(
-        right=crossing,
+        right=seas.crossing,
         mistakes={
-            "That is for the gyros of Table 1.": lambda: crossing(1.0),
-            "Here the true current starts from zero.": lambda: crossing(start="stationary"),
-            "It is the gyros that are better, not the accelerometers.": lambda: crossing(
+            "That is for the gyros of Table 1.": lambda: seas.crossing(1.0),
+            "Here the true current starts from zero.": lambda: seas.crossing(start="stationary"),
+            "It is the gyros that are better, not the accelerometers.": lambda: seas.crossing(
                 what="accelerometer_bias_mg"
             ),
         },
         rtol=5e-3,
     ),
     "4.9": Exercise(
-        right=_best_choice,
+        right=seas.best_choice,
         mistakes={
             "Judge a filter by the sea where its rate is least, not on average.": lambda: (
-                _best_choice(np.mean)
+                seas.best_choice(np.mean)
             ),
             "Judge a filter by the sea where its rate is least, not by the best one.": lambda: (
-                _best_choice(np.max)
+                seas.best_choice(np.max)
             ),
             "The second number is the least rate of that filter.": lambda: np.array(
-                [_best_choice()[0], rates().min()]
+                [seas.best_choice()[0], seas.rates().min()]
             ),
             "Of the three rates of that filter the least one is asked for.": lambda: [
-                np.array([_best_choice()[0], how(rates()[CHOICES.index(_best_choice()[0])])])
+                np.array(
+                    [
+                        seas.best_choice()[0],
+                        how(seas.rates()[seas.CHOICES.index(seas.best_choice()[0])]),
+                    ]
+                )
                 for how in (np.mean, np.median, np.max)
             ],
         },
         rtol=1e-2,
     ),
     "4.10": Exercise(
-        right=_best_pair,
+        right=seas.best_pair,
         mistakes={
             "Judge a pair by the sea where its rate is least, not by the strong one.": lambda: (
-                SECOND[int(np.argmax(pair_rates()[:, -1]))]
+                seas.SECOND[int(np.argmax(seas.pair_rates()[:, -1]))]
             ),
-            "Judge a pair by the sea where its rate is least, not by the calm one.": lambda: SECOND[
-                int(np.argmax(pair_rates()[:, 0]))
-            ],
+            "Judge a pair by the sea where its rate is least, not by the calm one.": lambda: (
+                seas.SECOND[int(np.argmax(seas.pair_rates()[:, 0]))]
+            ),
             "That is the better one on the long mission: fly the short one.": lambda: explore.OTHER,
         },
     ),
