@@ -1,7 +1,5 @@
 """Paper 5's picture with sliders, and what else its figures promise."""
 
-import itertools
-
 import attrs
 import numpy as np
 import pytest
@@ -37,13 +35,7 @@ def test_default_picture_is_test_1(scenario, chart):
     plan = run.plan(scenario, chart, scenario.start_1, 2.0)
     longer = paths.length(run.plan_path(plan, chart, 40)) - np.hypot(7e3, 64e3)
     assert f"{longer / 1e3:.3g} km longer" in texts(fig)[0]
-
-
-@pytest.mark.parametrize("corner", list(itertools.product((0.5, 8.0), (0, 100), (0, 100))))
-def test_every_corner_of_the_sliders_is_drawn(corner, scenario, chart):
-    fig = explore.picture(*corner, scenario=scenario, chart=chart)
-    assert len(fig.axes[1].lines) == 4
-    fig.canvas.draw()
+    assert len(fig.axes[1].lines) == 4  # RMSE and bound of both paths
 
 
 def test_the_same_sliders_give_the_same_numbers(scenario, chart):
