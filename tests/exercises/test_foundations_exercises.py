@@ -165,7 +165,15 @@ def test_every_exercise_has_three_wrong_answers_here():
 @pytest.fixture(scope="module")
 def lesson():
     """Run the cells of the notebook that the sliders need: what is imported and defined."""
-    needed = ("import attrs", "SEED =", "Phi, offset, Q", "def sail", "def navigate")
+    needed = (
+        "# The ship",
+        "import attrs",
+        "SEED = checks",
+        "def exact_step",
+        "Phi, offset, Q",
+        "def sail",
+        "def navigate",
+    )
     needed += ("def consistency", "def picture")
     cells = [c for c in nbformat.read(BOOK, as_version=4).cells if c.cell_type == "code"]
     names = {}

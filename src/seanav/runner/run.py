@@ -127,11 +127,10 @@ def run(root: Path, stem: str, quick: bool = False, words: tuple[str, ...] = ())
     started = time.time()
     chosen = parameters(root, stem, quick, words)
     mode = "params" if words else "quick" if quick else "full"
-    seconds = notebook(root, stem).metadata.get("seanav", {}).get("expected_seconds", {})
-    expected = seconds.get("quick" if quick else "full", "an unknown number of")
+    expected = _expected(root, stem, "quick" if quick else "full")
     try:
         with _workplace(root, stem, mode) as work:
-            print(f"{stem}: {mode} run, about {expected} s expected", flush=True)
+            print(f"{stem}: {mode} run, {expected}", flush=True)
             warned = _execute(root, stem, work, chosen, portable=mode != "params")
             if mode == "full":
                 results = publish(root, stem, work, started)
@@ -156,11 +155,17 @@ def teach(root: Path, stem: str) -> list[int]:
     """
     try:
         with _workplace(root, stem, "lesson") as work:
+            print(f"{stem}: lesson, {_expected(root, stem, 'full')}", flush=True)
             _execute(root, stem, work, {}, portable=True, complete=False)
             book = nbformat.read(work / f"{stem}.ipynb", as_version=4)
             return keep_outputs(root / "notebooks" / f"{stem}.ipynb", book)
     except OSError as error:
         raise Refused(f"{stem}: {error}") from error
+
+
+def _expected(root, stem, scale):
+    seconds = notebook(root, stem).metadata.get("seanav", {}).get("expected_seconds", {})
+    return f"about {seconds.get(scale, 'an unknown number of')} s expected"
 
 
 @contextmanager
