@@ -169,7 +169,6 @@ def lesson():
         "# The ship",
         "import attrs",
         "SEED = checks",
-        "def exact_step",
         "Phi, offset, Q",
         "def sail",
         "def navigate",
