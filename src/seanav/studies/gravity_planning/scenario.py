@@ -1,7 +1,6 @@
 """Paper 5: what can be chosen. Wang and Cai, preprint (2023)."""
 
 import dataclasses
-from pathlib import Path
 
 import attrs
 import numpy as np
@@ -13,7 +12,8 @@ from seanav.models.gravity import GravityMap, files
 from seanav.models.gravity.quality import MAP_UNITS
 from seanav.models.gravity.sources import load
 from seanav.models.units import KM
-from seanav.scenario import Choice, Integer, List, Number, Parameters, Text, parameter, tenth
+from seanav.scenario import Choice, File, Integer, List, Number, Parameters, Text, parameter, tenth
+from seanav.studies.gravity_planning import own_path
 
 SAMPLES = 4_000_000  # runs times samples, at most: what is stored of them fits in a few GB
 
@@ -53,7 +53,7 @@ class Scenario(Parameters):
 
     map_source: str = parameter(
         "geoid",
-        Text(),
+        File(),
         origin="assumed",
         note='"geoid" (JPGEO2024), "synthetic" or the path of your own grid',
     )
@@ -104,6 +104,12 @@ class Scenario(Parameters):
         unit="km",
         origin="ours",
         note="your own path, [[east, north], …], sailed with those of test 1",
+    )
+    path_file: str = parameter(
+        "",
+        File(),
+        origin="ours",
+        note="the same from a table (CSV) or GPX file, see Your own data; empty: none",
     )
     noise_mgal: tuple = parameter(
         (1.0, 2.0, 3.0, 4.0),
@@ -183,6 +189,8 @@ class Scenario(Parameters):
         for name in ("start_1", "start_2"):
             if getattr(self, name) == self.goal:
                 raise ParameterError(name, list(self.goal), "must differ from goal")
+        if self.path_file and self.user_path_km:
+            raise ParameterError("path_file", self.path_file, "must be empty beside user_path_km")
         checks.choice("planning_noise_mgal", self.planning_noise_mgal, self.noise_mgal)
         Integer(2, self.pairs)("label_pairs", self.label_pairs)
         if self.runs * self.samples > SAMPLES:
@@ -200,13 +208,8 @@ class Scenario(Parameters):
         return self.process_noise**2
 
     def origins(self) -> list[tuple]:
-        """Return the rows of `Parameters.origins`, a file by its name alone.
-
-        Results hold no path of a machine.
-        """
+        """Return the rows of `Parameters.origins`, with the centre that is used."""
         rows = {row[0]: row for row in super().origins()}
-        name, _, *about = rows["map_source"]
-        rows[name] = (name, Path(self.map_source).name, *about)
         if self.map_centre != self._stated_centre:
             for name, degrees in zip(_CENTRE, self.map_centre, strict=True):
                 note = "the middle of your own grid, which does not reach the default centre"
@@ -275,8 +278,11 @@ class Scenario(Parameters):
         Raises
         ------
         seanav.checks.ParameterError
-            If it has no length or leaves the map.
+            If it has no length or leaves the map, or its file cannot be used.
         """
+        if self.path_file:
+            corners = own_path.read("path_file", self.path_file, chart)
+            return paths.resample(corners, self.samples)
         if not self.user_path_km:
             return None
         name, corners = "user_path_km", np.array(self.user_path_km) * KM
