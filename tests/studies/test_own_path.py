@@ -289,6 +289,16 @@ def test_the_verdict_is_that_of_the_ratio(factor, words, chart):
     )
 
 
+@pytest.mark.parametrize("factor", [0.98, 1.02])
+def test_a_difference_within_the_interval_is_none(factor, chart):
+    own = paths.resample([[10e3, 20e3], [50e3, 50e3]], 21)
+    scored = own_data.sail(SMALL, chart, run.draw(SMALL), own_data.ways(SMALL, chart, own))
+    uneven = factor**2 * np.resize([0.2, 1.8], (SMALL.runs, 1))  # the runs speak for both
+    squared = scored["Direct"].squared.mean(axis=0) * uneven
+    scored["Own"] = dataclasses.replace(scored["Own"], squared=squared)
+    assert own_data.verdict(scored).startswith("The own path is as good as the straight line (")
+
+
 # ---------------------------------------------------------------- the notebook
 
 
