@@ -867,17 +867,19 @@ def test_standard_error_at_the_runs_of_the_paper():
     assert tables.paper_se(four_times, 400) == pytest.approx(0.1)
 
 
-def test_open_conditions_have_more_runs_and_decided_ones_do_not():
-    few = attrs.evolve(SHORT, runs=4, more_runs=4, sigma_true=(0.05, 0.3, 1.0))
+# Of 20 runs one whole batch need not be flown again, of 4 none.
+@pytest.mark.parametrize(("runs", "more"), [(4, 4), (20, 2)])
+def test_open_conditions_have_more_runs_and_decided_ones_do_not(runs, more):
+    few = attrs.evolve(SHORT, runs=runs, more_runs=more, sigma_true=(0.05, 0.3, 1.0))
     filters = [run.EKF(0.1), run.AFEKF(few, 0.1), run.EKF(0.5), run.AFEKF(few, 0.5)]
-    sea = conditions.Sea(few, Flown(few.sigma_true, run.sweep(few, filters)))
+    sea = conditions.Sea(few, Flown(few.sigma_true, run.sweep(few, filters, stride=60)))
     before = conditions.fading_below(sea)
     after = conditions.longer(conditions.fading_below, sea)
     assert sea.flown.longer.asked == {}
     many = run.sweep(few.longer(), filters)
     direct = conditions.fading_below(conditions.Sea(few, Flown(few.sigma_true, many)))
     counts = {c.what: c.estimate.count for c in after if c.counts}
-    assert set(counts.values()) == {4, 16}
+    assert set(counts.values()) == {runs, runs * more}
     for one, other, expected in zip(before, after, direct, strict=True):
         assert other.estimate == (expected if one.outcome == "undecided" else one).estimate
     # Where a rate is least is known only if all points were flown with as many runs.
@@ -885,11 +887,15 @@ def test_open_conditions_have_more_runs_and_decided_ones_do_not():
     direct = Flown(few.sigma_true, many)
     for c in conditions.longer(conditions.fading_is_robust, sea):
         names = [f"{kind} {c.group.split()[2]}" for kind in ("AFEKF", "EKF")]
-        flown = direct if c.counts and c.estimate.count == 16 else sea.flown
+        flown = direct if c.counts and c.estimate.count == runs * more else sea.flown
         assert c.estimate == flown.least_difference(*names)
     none = attrs.evolve(few, more_runs=1)
     same = conditions.longer(conditions.fading_below, conditions.Sea(none, sea.flown))
     assert [c.what for c in same] == [c.what for c in after]
+    # Flights of the same scenario share what was flown.
+    again = conditions.Sea(few, Flown(sea.flown.grid, sea.flown.results, beside=sea.flown))
+    assert conditions.fading_below(again) == after
+    assert again.flown.longer.asked == {}
 
 
 def test_a_crossing_is_said_in_words_at_both_ends():

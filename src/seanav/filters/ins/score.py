@@ -108,6 +108,11 @@ class Flight(NamedTuple):
         """Return the first `count` runs."""
         return _each_array(lambda array: array[..., :count], self)
 
+    def unrecorded(self) -> "Flight":
+        """Return the flight as it is with a stride of zero: without series and NEES."""
+        series = Series(*(part[:0] for part in self.series))
+        return self._replace(series=series, nees=np.zeros_like(self.nees))
+
     @classmethod
     def join(cls, flights: "list[Flight]") -> "Flight":
         """Return the runs of all flights as one."""

@@ -19,6 +19,7 @@ import numpy as np
 from seanav import estimates
 from seanav.claims import Condition
 from seanav.estimates import Estimate
+from seanav.filters import ins
 from seanav.studies.imm_sea_current import beyond, linear, printed, run, scores
 from seanav.studies.imm_sea_current.flown import Flown, condition
 from seanav.studies.imm_sea_current.scenario import Scenario
@@ -54,9 +55,16 @@ class Sea:
         more = self.scenario.longer()
         filters = beyond.filters(more)
 
+        whole = self.scenario.runs // run.LANES  # batches that need not be flown again
+
         def fly(points):
             jobs = [(filters.get(name) or run.optimal(sigma), sigma) for name, sigma in points]
-            return run.fly_all(more, jobs, label="more runs")
+            rest = run.fly_all(more, jobs, first=whole, label="more runs")
+            fewer = (self.flown.flight(*point).runs(whole * run.LANES) for point in points)
+            return [
+                ins.Flight.join([known.unrecorded(), flight])
+                for known, flight in zip(fewer, rest, strict=True)
+            ]
 
         if more.runs > self.scenario.runs:
             self.flown.longer.fly(fly)

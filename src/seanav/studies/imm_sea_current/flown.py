@@ -30,13 +30,21 @@ class Flown:
     exact : mapping of true sigma to (float, float)
         TCEPs (m) of pure navigation and the optimal EKF where they are known exactly; see
         `seanav.studies.imm_sea_current.linear.ends`.
+    beside : Flown, optional
+        Other flights of the same scenario: what was flown with more runs is shared with them.
     longer : Longer
         The flights with more runs, where these leave a condition open; see `tested`.
     """
 
-    def __init__(self, grid: Sequence[float], results: dict, exact: Mapping | None = None):
+    def __init__(
+        self,
+        grid: Sequence[float],
+        results: dict,
+        exact: Mapping | None = None,
+        beside: "Flown | None" = None,
+    ):
         self.grid, self.results, self.exact = tuple(grid), results, dict(exact or {})
-        self.longer = Longer(self)
+        self.longer = Longer(self, {} if beside is None else beside.longer.flights)
 
     def flight(self, name: str, sigma: float) -> Any:
         """Return a flight, None if there is none."""
@@ -137,18 +145,20 @@ class Longer(Flown):
     ----------
     asked : dict
         The (name, sigma) that were asked for and are still to be flown.
+    flights : dict of (name, sigma) to seanav.filters.ins.Flight
+        Those that were.
     """
 
-    def __init__(self, flown: Flown):
+    def __init__(self, flown: Flown, flights: dict):
         self.grid, self.exact, self.results = flown.grid, flown.exact, flown.results
         self.asked: dict[tuple[str, float], None] = {}
-        self._fewer, self._flights = flown, {}
+        self.flights, self._fewer = flights, flown
 
     def flight(self, name: str, sigma: float) -> Any:
         """Return a flight; note it in `asked` if it was flown with fewer runs only."""
         if name == PURE:
             sigma = self.grid[0]  # it does not hang on the current
-        found = self._flights.get((name, sigma))
+        found = self.flights.get((name, sigma))
         if found is None and super().flight(name, sigma) is not None:
             self.asked[name, sigma] = None
         return found
@@ -163,7 +173,8 @@ class Longer(Flown):
     def fly(self, fly: Callable) -> None:
         """Get what was asked for from ``fly(list of (name, sigma))``."""
         asked, self.asked = list(self.asked), {}
-        self._flights |= zip(asked, fly(asked) if asked else (), strict=True)
+        # In place: the flights of other `Flown` beside this one are the same dict.
+        self.flights.update(zip(asked, fly(asked) if asked else (), strict=True))
 
 
 def there(found: Iterable) -> list:

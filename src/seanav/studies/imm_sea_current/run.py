@@ -307,6 +307,7 @@ def fly_all(
     jobs: list,
     *,
     stride: int = 0,
+    first: int = 0,
     threads: int | None = None,
     client: Any = None,
     label: str | None = None,
@@ -318,6 +319,8 @@ def fly_all(
     jobs : list of (Filter, sigma_true)
     stride : int
         As in `fly`.
+    first : int
+        Batches of `LANES` runs that are left out, because they were flown before.
 
     Returns
     -------
@@ -331,7 +334,7 @@ def fly_all(
     # a task is all that is to be done with one batch, which is sensed for it and forgotten.
     count = min(SHARES if batches <= KEPT else 1, len(jobs))
     shares = [range(len(jobs))[k::count] for k in range(count)]
-    tasks = [(share, batch) for share in shares for batch in range(batches)]
+    tasks = [(share, batch) for share in shares for batch in range(first, batches)]
     one = partial(_share, scenario, jobs, stride)
     done = montecarlo.parallel_map(one, tasks, threads=threads, client=client, label=label)
     found = [[] for _ in jobs]
