@@ -104,11 +104,11 @@ confirm: .venv ## SEED=...: judge all claims again with a seed that was never ru
 	@$(SEANAV) confirm $(CHOSEN:%=--paper %) --seed "$$SEANAV_SEED"
 
 test: .venv ## all tests, then every notebook against its stored outputs and results
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 	rm -rf build/nbval
 ifneq ($(NUMBERED),)
 	SEANAV_RESULTS="$$(pwd)/build/nbval" $(BIN)/python -m pytest -p no:cacheprovider -n 2 \
-	  --dist loadfile --nbval --nbval-cell-timeout=1800 $(NUMBERED:%=notebooks/%.ipynb)
+	  --dist loadfile --no-loadscope-reorder --nbval --nbval-cell-timeout=1800 $(NUMBERED:%=notebooks/%.ipynb)
 endif
 	$(SEANAV) check
 
