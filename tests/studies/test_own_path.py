@@ -201,7 +201,7 @@ def test_a_path_is_a_list_or_a_file():
 
 
 def test_results_hold_the_name_of_the_file_alone():
-    rows = {row[0]: row[1] for row in Scenario(path_file="/home/me/my.gpx").origins()}
+    rows = {row[0]: row[1] for row in Scenario(path_file="folders/of/mine/my.gpx").origins()}
     assert rows["path_file"] == "my.gpx"
     rows = {row[0]: row[1] for row in Scenario(map_source="synthetic").origins()}
     assert rows["map_source"] == "synthetic"

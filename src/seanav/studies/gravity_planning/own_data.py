@@ -1,6 +1,7 @@
 """Paper 5 on a user's own data: an own path beside the straight line and the planner's."""
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 from matplotlib import pyplot as plt
@@ -27,6 +28,13 @@ def built_in(scenario: Scenario, chart: gravity.GravityMap) -> np.ndarray:
     start, goal = (np.array(node) * chart.spacing for node in (scenario.start_1, scenario.goal))
     corners = own_path.zigzag(start, goal, chart.extent, AMPLITUDE)
     return paths.resample(corners, scenario.samples)
+
+
+def source(scenario: Scenario) -> str:
+    """Say where the own path comes from."""
+    if scenario.path_file:
+        return Path(scenario.path_file).name
+    return "user_path_km" if scenario.user_path_km else "built in, tacks from start to goal"
 
 
 def ends(own: np.ndarray, chart: gravity.GravityMap) -> list[tuple[int, ...]]:
@@ -152,4 +160,10 @@ def verdict(scored: dict[str, Score]) -> str:
                 "better than" if ratio.high < 1 else "worse than" if ratio.low > 1 else "as good as"
             )
             words.append(f"{how} {name} ({significant(ratio)} times its sum)")
-    return "The own path is " + " and ".join(words) + "."
+    own, direct = scored["Own"], scored["Direct"]
+    longer, bounds = own.length - direct.length, (x.bound[-1] for x in (own, direct))
+    length, at_end, other = (significant(x / KM) for x in (longer, *bounds))
+    return (
+        f"The own path is {' and '.join(words)}. It is {length} km longer than the straight line, "
+        f"and its bound at the end is {at_end} km, there {other} km."
+    )
