@@ -15,7 +15,8 @@ from seanav.checks import ParameterError, read_only
 
 MOST_BYTES = 200 * 2**20
 MOST_ROWS = 5_000_000
-LONGEST = 1e10  # s between first and last row: seconds since 1970 fit, milliseconds do not
+LONGEST = 1e10  # s: seconds since 1970 fit, their milliseconds and 20170406121000 do not
+SHOWN = 60  # characters of a cell in an error
 
 # Words at the end of a column's name, and what turns its numbers into the unit in brackets.
 _UNITS = {
@@ -101,10 +102,10 @@ def opened(name: str, path: str, most_bytes: int = MOST_BYTES) -> str:
         If there is no such file, or it is too large, empty, unreadable or no text.
     """
     place = Path(path)
-    if not place.is_file():
-        found = "is a folder" if place.is_dir() else "there is none"
-        raise ParameterError(name, path, f"must be the path of an existing file; {found}")
     try:
+        if not place.is_file():
+            found = "is a folder" if place.is_dir() else "there is none"
+            raise ParameterError(name, path, f"must be the path of an existing file; {found}")
         if place.stat().st_size > most_bytes:
             raise ParameterError(name, path, f"must be a file of at most {most_bytes >> 20} MB")
         text = place.read_bytes().decode("utf-8-sig")
@@ -175,6 +176,8 @@ def _cells(name, source, text):
     lines = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n\t ,;")
     if not lines:
         raise ParameterError(name, source, "must not be empty")
+    if not lines.split("\n", 1)[0].strip():
+        raise _refused(name, source, 1, "must hold the names of the columns, is empty")
     try:
         cells = pd.read_csv(
             io.StringIO(lines), header=None, dtype=str, na_filter=False, skip_blank_lines=False
@@ -186,7 +189,9 @@ def _cells(name, source, text):
         raise ParameterError(name, source, "must be separated by commas, is by ';' or tabs")
     twice = sorted({column for column in header if column and header.count(column) > 1})
     if twice:
-        raise ParameterError(name, source, f"must name each column once; twice: {twice[0]!r}")
+        raise ParameterError(
+            name, source, f"must name each column once; twice: {_quoted(twice[0])}"
+        )
     if len(cells) != lines.count("\n") + 1:
         raise ParameterError(name, source, "must have a line for each row; a quoted cell has two")
     if len(cells) > MOST_ROWS:
@@ -199,6 +204,8 @@ def _of_pandas(error):
     if found:
         wanted, row, seen = found.groups()
         return f"row {row}: must have {wanted} values as the header has, has {seen}"
+    if found := re.search(r"EOF inside string starting at row (\d+)", str(error)):
+        return f"row {int(found[1]) + 1}: a quotation mark is not closed"
     return "must be a table of comma-separated values: " + " ".join(str(error).split())
 
 
@@ -211,9 +218,10 @@ def _layout(name, source, header, layouts, also):
         unit = max((u for u in _UNITS if column.endswith(f"_{u}")), key=len, default="")
         better = f"{column.removesuffix(f'_{unit}')}_{_UNITS[unit][0]}" if unit else ""
         if any(better in layout for layout in layouts):
-            allowed = f"column {column!r} must be {better}: {_UNITS[unit][1]}"
+            allowed = f"column {_quoted(column)} must be {better}: {_UNITS[unit][1]}"
             raise ParameterError(name, source, allowed)
-    there = ", ".join(repr(column) for column in header[:12])
+    there = ", ".join(map(_quoted, header[:12]))
+    there += ", …" if len(header) > 12 else ""
     raise ParameterError(name, source, f"must have the columns {wanted}; has {there}")
 
 
@@ -222,7 +230,7 @@ def _numbers(name, source, rows, column, cells, bound):
     wrong = np.flatnonzero(~np.isfinite(found))
     if wrong.size:
         cell = cells.iloc[wrong[0]].strip()
-        raise _refused(name, source, rows[wrong[0]], f"{column} = {cell!r}: {_why(cell)}")
+        raise _refused(name, source, rows[wrong[0]], f"{column} = {_quoted(cell)}: {_why(cell)}")
     low, high = bound or (-math.inf, math.inf)
     beyond = np.flatnonzero((found < low) | (found > high))
     if beyond.size:
@@ -230,6 +238,10 @@ def _numbers(name, source, rows, column, cells, bound):
         allowed = f"{value}: must be from {low:g} to {high:g}; another unit?"
         raise _refused(name, source, rows[beyond[0]], allowed)
     return found
+
+
+def _quoted(cell):
+    return repr(cell if len(cell) <= SHOWN else f"{cell[: SHOWN - 1]}…")
 
 
 def _why(cell):
@@ -244,39 +256,44 @@ def _why(cell):
 
 def _times(name, source, rows, cells):
     cells = cells.str.strip()
-    seconds = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
-    start = ""
-    if not np.isfinite(seconds).all():
-        if np.isfinite(seconds).any():  # the first row that is unlike row 2
-            as_first = np.isfinite(seconds) == np.isfinite(seconds[0])
-            row = int(np.argmin(as_first)) if not as_first.all() else 0
-            allowed = f"time = {cells.iloc[row]!r}: must be like the first one, seconds or ISO 8601"
-            raise _refused(name, source, rows[row], allowed)
-        seconds, start = _from_iso(name, source, rows, cells)
+
+    def refused(row, allowed):
+        return _refused(name, source, rows[row], f"time = {_quoted(cells.iloc[row])}: {allowed}")
+
+    empty = np.flatnonzero(cells.str.lower().isin(("", "nan", "nat")))
+    if empty.size:
+        raise refused(empty[0], "there is no time")
+    found = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
+    seconds, start = found, ""
+    if cells.str.fullmatch(r"(19|20)\d\d(0[1-9]|1[0-2])([0-2]\d|3[01])").all():
+        raise refused(0, "is it a date? It must be seconds, or ISO 8601 such as 2017-04-06")
+    if not np.isfinite(found).all():
+        if np.isfinite(found).any():  # the first row that is unlike row 2
+            row = int(np.argmin(np.isfinite(found) == np.isfinite(found[0])))
+            raise refused(row, "must be like the first one, seconds or ISO 8601")
+        seconds, start = _from_iso(refused, cells)
     back = np.flatnonzero(np.diff(seconds) <= 0)
     if back.size:
         k = int(back[0]) + 1
         how = "the same time as" if seconds[k] == seconds[k - 1] else "a time before"
-        raise _refused(name, source, rows[k], f"time = {cells.iloc[k]!r}: {how} row {rows[k - 1]}")
-    if seconds[-1] - seconds[0] > LONGEST:
-        raise _refused(name, source, rows[-1], f"time = {cells.iloc[-1]!r}: must be in seconds")
+        raise refused(k, f"{how} row {rows[k - 1]}")
+    far = np.flatnonzero(np.maximum(np.abs(seconds), np.abs(seconds - seconds[0])) > LONGEST)
+    if far.size:
+        raise refused(far[0], "must be in seconds")
     return seconds - seconds[0], start
 
 
-def _from_iso(name, source, rows, cells):
+def _from_iso(refused, cells):
     zoned = cells.str.contains(r"(?:Z|z|[+-]\d\d:?\d\d)$", regex=True).to_numpy()
     if zoned.any() and not zoned.all():
         row = int(np.argmin(zoned == zoned[0]))
-        allowed = f"time = {cells.iloc[row]!r}: must have a time zone in all rows or in none"
-        raise _refused(name, source, rows[row], allowed)
+        raise refused(row, "must have a time zone in all rows or in none")
     # ISO 8601 alone: 03/04/2017 is March to one reader and April to another.
     found = pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce")
     wrong = np.flatnonzero(
         found.isna().to_numpy() | ~cells.str.match(r"\d{4}-\d\d-\d\d").to_numpy()
     )
     if wrong.size:
-        cell = cells.iloc[wrong[0]]
-        what = "must be seconds or ISO 8601, such as 2017-04-06T12:10:00Z"
-        raise _refused(name, source, rows[wrong[0]], f"time = {cell!r}: {what}")
+        raise refused(wrong[0], "must be seconds or ISO 8601, such as 2017-04-06T12:10:00Z")
     since = (found - found.iloc[0]).dt.total_seconds().to_numpy()
     return since, found.iloc[0].isoformat()
