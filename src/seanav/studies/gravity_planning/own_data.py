@@ -153,17 +153,12 @@ def verdict(scored: dict[str, Score]) -> str:
     words = []
     for name, other in (("the straight line", "Direct"), ("the planner's path", "Planned")):
         ratio = scores.ratio(scored["Own"], scored[other])
-        if ratio.diverged:
-            words.append(f"it cannot be compared with {name}")
-        else:
-            how = (
-                "better than" if ratio.high < 1 else "worse than" if ratio.low > 1 else "as good as"
-            )
-            words.append(f"{how} {name} ({significant(ratio)} times its sum)")
+        how = "better than" if ratio.high < 1 else "worse than" if ratio.low > 1 else "as good as"
+        words.append(f"{how} {name} ({significant(ratio)} times its sum)")
     own, direct = scored["Own"], scored["Direct"]
-    longer, bounds = own.length - direct.length, (x.bound[-1] for x in (own, direct))
-    length, at_end, other = (significant(x / KM) for x in (longer, *bounds))
+    longer = round((own.length - direct.length) / KM, 3)
+    at_end, other = (significant(x.bound[-1] / KM) for x in (own, direct))
     return (
-        f"The own path is {' and '.join(words)}. It is {length} km longer than the straight line, "
+        f"The own path is {' and '.join(words)}. It is {significant(longer)} km longer than the straight line, "
         f"and its bound at the end is {at_end} km, there {other} km."
     )
