@@ -159,6 +159,6 @@ def verdict(scored: dict[str, Score]) -> str:
     longer = round((own.length - direct.length) / KM, 3)
     at_end, other = (significant(x.bound[-1] / KM) for x in (own, direct))
     return (
-        f"The own path is {' and '.join(words)}. It is {significant(longer)} km longer than the straight line, "
-        f"and its bound at the end is {at_end} km, there {other} km."
+        f"The own path is {' and '.join(words)}. It is {significant(longer)} km longer than the "
+        f"straight line, and its bound at the end is {at_end} km, there {other} km."
     )
