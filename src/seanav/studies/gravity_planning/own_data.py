@@ -77,11 +77,14 @@ def rows(scenario: Scenario, scored: dict[str, Score]) -> list[tuple]:
     """Return a row per path with the entries of `COLUMNS`; the last two are a 95 % interval."""
     found = []
     for name, one in scored.items():
-        ratio = scores.ratio(one, scored.get("Direct", scored["Own"]))
+        ratio: tuple = (None,) * 3
+        if "Direct" in scored:
+            each = scores.ratio(one, scored["Direct"])
+            ratio = each.value, each.low, each.high
         hours = one.length / scenario.speed / 3600
         lengths = (one.bound[-1], one.bound.sum(), one.total.value)
         numbers = (one.length / KM, hours, *(x / KM for x in lengths))
-        found.append((name, *numbers, ratio.value, ratio.low, ratio.high))
+        found.append((name, *numbers, *ratio))
     return found
 
 

@@ -85,7 +85,7 @@ def _sides(record, chart):
         return f"0 … {east:g} km east and 0 … {north:g} km north"
     ends = (gravity.local_to_geodetic(*(sign * half), chart.centre) for sign in (-1, 1))
     (south, west), (north, east) = ends
-    return f"{south:.3f} … {north:.3f} and {west:.3f} … {east:.3f} degrees"
+    return f"latitude {south:.3f} … {north:.3f}, longitude {west:.3f} … {east:.3f}"
 
 
 def zigzag(start: np.ndarray, goal: np.ndarray, extent: tuple, amplitude: float) -> np.ndarray:
