@@ -44,7 +44,7 @@ class Flown:
         beside: "Flown | None" = None,
     ):
         self.grid, self.results, self.exact = tuple(grid), results, dict(exact or {})
-        self.longer = Longer(self, {} if beside is None else beside.longer.flights)
+        self.longer: Longer = Longer(self, {} if beside is None else beside.longer.flights)
 
     def flight(self, name: str, sigma: float) -> Any:
         """Return a flight, None if there is none."""
