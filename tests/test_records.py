@@ -186,6 +186,10 @@ BAD = {
         "must name each column once; twice: 'north_m_s'",
     ),
     "semicolons": (table(*TEN).replace(",", ";"), "must be separated by commas, is by ';' or tabs"),
+    "semicolons and decimal commas": (
+        table(*TEN).replace(",", ";").replace(".", ","),
+        "must be separated by commas, is by ';' or tabs",
+    ),
     "tabs": (table(*TEN).replace(",", "\t"), "must be separated by commas"),
     "knots": (
         table(*TEN, head="time,speed_kn,direction_deg\n"),

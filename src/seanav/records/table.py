@@ -176,8 +176,11 @@ def _cells(name, source, text):
     lines = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n\t ,;")
     if not lines:
         raise ParameterError(name, source, "must not be empty")
-    if not lines.split("\n", 1)[0].strip():
+    first = lines.split("\n", 1)[0]
+    if not first.strip():
         raise _refused(name, source, 1, "must hold the names of the columns, is empty")
+    if re.search(r"[;\t]", first) and "," not in first:
+        raise ParameterError(name, source, "must be separated by commas, is by ';' or tabs")
     try:
         cells = pd.read_csv(
             io.StringIO(lines), header=None, dtype=str, na_filter=False, skip_blank_lines=False
@@ -185,8 +188,6 @@ def _cells(name, source, text):
     except (ValueError, csv.Error) as error:  # pandas' own errors are ValueErrors
         raise ParameterError(name, source, _of_pandas(error)) from None
     header = [cell.strip() for cell in cells.iloc[0]]
-    if len(header) == 1 and re.search(r"[;\t]", header[0]):
-        raise ParameterError(name, source, "must be separated by commas, is by ';' or tabs")
     twice = sorted({column for column in header if column and header.count(column) > 1})
     if twice:
         raise ParameterError(
