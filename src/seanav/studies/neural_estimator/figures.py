@@ -1,5 +1,6 @@
 """Paper 2: the drawings; each function returns a figure and computes nothing new."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -9,7 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from seanav import plots
+from seanav.estimates import Estimate
 from seanav.filters.neural import READINGS, Network
+from seanav.studies.neural_estimator.own_track import Track
 from seanav.studies.neural_estimator.run import Course
 from seanav.studies.neural_estimator.scenario import STEP, Scenario
 
@@ -304,4 +307,35 @@ def speed_plane(
     ax.plot(*truth[::-1], "*", color="#009e73", markersize=12, label="truth")
     ax.set(xlabel="east (m/s)", ylabel="north (m/s)", aspect="equal")
     fig.legend(loc="outside lower center", ncols=2)
+    return fig
+
+
+OWN = {"coloured KF": "optimal", "KF": "Kalman", "re-taught": "adaptive", "hybrid": "hybrid"}
+
+
+def own_track(own: Track, found: dict[str, np.ndarray]) -> Figure:
+    """Draw both components of a track's first window, first draw of the weights."""
+    fig, axes = plt.subplots(2, 1, figsize=(7.2, 5.0), sharex=True)
+    minutes = STEP * np.arange(1, own.z.shape[1] + 1) / 60
+    for k, (ax, component) in enumerate(zip(axes, ("north", "east"), strict=True)):
+        ax.plot(minutes, own.z[0, :, k], label="measured", **DOTS)
+        ax.plot(minutes, own.truth[0, :, k], label="reference", color="black", linestyle=":")
+        for name, kind in OWN.items():
+            ax.plot(minutes, found[name][0, :, k], label=name, **plots.look(kind))
+        ax.set(ylabel=f"{component} (m/s)")
+    axes[1].set(xlabel="time (min)")
+    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return fig
+
+
+def own_errors(found: list[Estimate], expected: Sequence[float]) -> Figure:
+    """Draw the correlation of measured errors at lags 1, 2, … and what two laws expect."""
+    lags = np.arange(1, len(found) + 1)
+    fig, ax = plt.subplots(figsize=(6.4, 3.4))
+    ends = np.abs(np.array([[e.value - e.low, e.high - e.value] for e in found]).T)
+    ax.errorbar(lags, [e.value for e in found], ends, fmt="o", color="#0072b2", label="this track")
+    ax.plot(lags, expected, label="white position errors", **plots.look("Kalman", 1))
+    ax.axhline(0.0, color="black", linewidth=1, label="white speed errors")
+    ax.set(xlabel=f"lag (steps of {STEP:g} s)", ylabel="correlation", ylim=(-1, 1))
+    ax.legend()
     return fig

@@ -4,7 +4,7 @@ import attrs
 
 from seanav.checks import ParameterError
 from seanav.filters import neural
-from seanav.scenario import Choice, Integer, List, Number, Parameters, parameter, tenth
+from seanav.scenario import Choice, File, Integer, List, Number, Parameters, parameter, tenth
 
 STEP = 3.0  # s, twenty steps a minute
 COURSES = ("steady", "one turn", "two turns", "turn while teaching", "zigzag")
@@ -119,6 +119,26 @@ class Scenario(Parameters):
         List(Number(at_least=0, at_most=90), distinct=True),
         unit="deg/s",
         origin="ours",
+    )
+    track_file: str = parameter(
+        "", File(), origin="ours", note="fixes of your own ship, see Your own data; empty: none"
+    )
+    reference_file: str = parameter(
+        "", File(), origin="ours", note="a better track of the same time; empty: smoothed"
+    )
+    reference_window_s: float = parameter(
+        60.0,
+        Number(at_least=9, at_most=3600),
+        unit="s",
+        origin="ours",
+        note="over which track_file is smoothed",
+    )
+    track_gap_s: float = parameter(
+        10.0,
+        Number(at_least=0.01, at_most=600),
+        unit="s",
+        origin="ours",
+        note="longest gap between fixes",
     )
     runs: int = parameter(
         320, Integer(2, 1_000_000), origin="ours", note="the paper tells of none", quick=tenth(2)
