@@ -9,7 +9,6 @@ from typing import Any
 
 import attrs
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.linalg import solve_toeplitz
 from scipy.signal import savgol_filter
 
@@ -90,12 +89,12 @@ def positions(record: Record, origin: tuple[float, float] | None = None) -> np.n
     return np.stack([R_n * (latitude - first[0]), east], axis=1)
 
 
-def speeds(time: ArrayLike, places: ArrayLike, moments: ArrayLike) -> np.ndarray:
+def speeds(time: np.ndarray, places: np.ndarray, moments: np.ndarray) -> np.ndarray:
     """Return the mean speed vector over each step between `moments`, (steps, 2) m/s.
 
     Positions (samples, 2) at `time` are interpolated linearly.
     """
-    at = np.stack([np.interp(moments, time, component) for component in np.transpose(places)], 1)
+    at = np.stack([np.interp(moments, time, component) for component in places.T], 1)
     return np.diff(at, axis=0) / np.diff(moments)[:, None]
 
 
