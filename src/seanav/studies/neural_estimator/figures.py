@@ -314,14 +314,16 @@ OWN = {"coloured KF": "optimal", "KF": "Kalman", "re-taught": "adaptive", "hybri
 
 
 def own_track(own: Track, found: dict[str, np.ndarray]) -> Figure:
-    """Draw both components of a track's first window, first draw of the weights."""
+    """Draw the window in which the reference changes most, with one draw of the weights."""
+    window = int(np.ptp(own.truth, axis=1).sum(axis=1).argmax())
+    run_ = window * len(found["KF"]) // len(own.z)
     fig, axes = plt.subplots(2, 1, figsize=(7.2, 5.0), sharex=True)
     minutes = STEP * np.arange(1, own.z.shape[1] + 1) / 60
     for k, (ax, component) in enumerate(zip(axes, ("north", "east"), strict=True)):
-        ax.plot(minutes, own.z[0, :, k], label="measured", **DOTS)
-        ax.plot(minutes, own.truth[0, :, k], label="reference", color="black", linestyle=":")
+        ax.plot(minutes, own.z[window, :, k], label="measured", **DOTS)
+        ax.plot(minutes, own.truth[window, :, k], label="reference", color="black", linestyle=":")
         for name, kind in OWN.items():
-            ax.plot(minutes, found[name][0, :, k], label=name, **plots.look(kind))
+            ax.plot(minutes, found[name][run_, :, k], label=name, **plots.look(kind))
         ax.set(ylabel=f"{component} (m/s)")
     axes[1].set(xlabel="time (min)")
     fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
