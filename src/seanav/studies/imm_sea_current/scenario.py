@@ -11,7 +11,7 @@ from seanav.checks import ParameterError, markov_chain
 from seanav.filters import fading
 from seanav.models import earth, inertial, units
 from seanav.models.trajectories import SHAPES, Trajectory
-from seanav.scenario import Choice, Integer, List, Number, Parameters, parameter, tenth
+from seanav.scenario import Choice, File, Integer, List, Number, Parameters, parameter, tenth
 
 # Bounds on work and memory. Six hours of 100 Hz noise take 0.3 GB a processor; the records
 # of all studies in one notebook stay below 1 GB.
@@ -172,6 +172,23 @@ class Scenario(Parameters):
     )
     initial_probabilities: tuple = parameter(
         (0.5, 0.5), List(Number(at_least=0, at_most=1), 2), origin="text"
+    )
+    current_file: str = parameter(
+        "", File(), origin="ours", note="own record of the current (section 10); empty: none"
+    )
+    current_mean: str = parameter("kept", Choice(("kept", "removed")), origin="ours")
+    current_gap_s: float = parameter(
+        3600.0, Number(above=0, at_most=1e6), unit="s", origin="ours", note="longest gap of it"
+    )
+    current_missions: int = parameter(
+        32,
+        Integer(2, 256),
+        origin="ours",
+        note="at most, in section 10",
+        quick=lambda missions: min(missions, 16),
+    )
+    current: str = parameter(
+        "tidal", Choice(("tidal", "markov")), origin="ours", note="section 10 without a file"
     )
 
     def __attrs_post_init__(self):
