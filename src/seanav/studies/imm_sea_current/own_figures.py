@@ -106,8 +106,12 @@ def conditions(
         found.append(condition(what, apart, -STEADY, STEADY))
         for kind, belief in chosen(exact).items():
             ratio = over_imm(scenario, sea, flown, belief, name)
-            aside = "" if kind == "oscillator" else "asked after it was seen"
+            aside = "" if kind == "oscillator" else "not counted"
             found.append(condition(f"{kind} over {name}: TCEP", ratio, high=1.0, aside=aside))
+        slow = tidal.slower(run.EKF(*pair)).name
+        if not scores.diverged(flown[slow]):
+            ratio = scores.tcep_ratio(flown[slow], flown[name])
+            found.append(condition(f"{slow} over it", ratio, high=1.0, aside="not counted"))
     return found
 
 
@@ -132,10 +136,11 @@ def water(sea: tidal.Sea, flown: Mapping[str, ins.Flight]) -> Figure:
         axis.plot(hours[::60], part[::60], color="0.3", lw=0.6, ls="-")
         axis.set(xlabel="time (h)", ylabel=f"current to the {name} (m/s)")
     for name, flight in flown.items():
-        if len(flight.mode_probability) > 1 and not scores.diverged(flight):
+        # Those of the fading filters lie upon them.
+        if name.startswith("IMM-EKF ") and not scores.diverged(flight):
             curve = scores.mode_curve(flight)
             time = np.linspace(hours[-1] / len(curve), hours[-1], len(curve))
-            plots.band(axes[2], time, curve, name, **(figures.style(name) | {"marker": None}))
+            plots.band(axes[2], time, curve, name, **figures.style(name))
     axes[2].set(xlabel="time (h)", ylabel="mode probability $\\mu_1$", ylim=(0, 1))
     axes[2].legend(fontsize="x-small")
     return fig

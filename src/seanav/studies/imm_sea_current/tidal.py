@@ -22,6 +22,7 @@ GRID = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)  # m/s, of the fixed filters
 TIMES = (1800.0, 7200.0, 28800.0, 115200.0)  # s, of the Markov models
 TIDES = (0.2, 0.5)  # m/s, of the oscillator
 RESTS = (0.05, 0.1, 0.2)  # m/s, of the Markov part beside it
+SLOW = 0.5  # m/s, of a single EKF that forgets slowly
 STRIDE = 240  # s between recorded mode probabilities
 M2 = tides.S08010[0].speed
 FEWEST = 8  # missions, of which a quarter has a mean with an interval
@@ -92,9 +93,16 @@ def _markov(scenario, sigma, times):
 
 
 def filters(scenario: Scenario) -> list[run.Filter]:
-    """Return the paper's filters and EKFs with every sigma of `GRID`."""
+    """Return the paper's filters, EKFs with every sigma of `GRID`, and some that forget slowly."""
     fixed = [run.EKF(s) for s in GRID if s not in scenario.sigma_filter]
-    return [run.PURE, *run.paper_filters(scenario), *fixed]
+    slow = [slower(run.EKF(*sigma)) for sigma in ((SLOW,), *run.pairs(scenario))]
+    return [run.PURE, *run.paper_filters(scenario), *fixed, *slow]
+
+
+def slower(filter_: run.Filter) -> run.Filter:
+    """Return a filter whose current model has the longest T_c of `TIMES`."""
+    name = f"{filter_.name} T_c={TIMES[-1] / 3600:g}h"
+    return replace(filter_, name=name, correlation_time_s=TIMES[-1])
 
 
 def fly(
@@ -141,8 +149,9 @@ def sensors(scenario: Scenario, sea: Sea, batch: int) -> run.Sensors:
 
 
 def best(flown: Mapping) -> str:
-    """Return the name of the fixed filter with the smallest TCEP of all that did not diverge."""
-    fixed = {n: f for n, f in flown.items() if n.startswith("EKF ") and not scores.diverged(f)}
+    """Return the name of the fixed filter with the smallest TCEP and the paper's T_c."""
+    names = (n for n in flown if n.startswith("EKF ") and "T_c" not in n)
+    fixed = {n: flown[n] for n in names if not scores.diverged(flown[n])}
     return min(fixed, key=lambda name: scores.tcep(fixed[name]).value)
 
 
