@@ -58,6 +58,7 @@ OPEN = {
     "filters.moments.sde": "symbols, no kernel",
     "filters.moments.sources": "symbols, no kernel",
     "models.bodies": "symbols, no kernel",
+    "models.nomoto": "plain Python, no kernel",
     "models.gravity.coordinates": "reads files, no kernel",
     "models.gravity.files": "reads files, no kernel",
     "models.gravity.geoid": "no kernel",

@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull
 from seanav import plots
 from seanav.estimates import Estimate
 from seanav.studies.adaptive_fading.beyond import Detection
+from seanav.studies.adaptive_fading.own_log import Log
 from seanav.studies.adaptive_fading.run import Outcome, Problem
 
 GREEK = {"psi": "ψ", "theta": "θ"}
@@ -178,9 +179,8 @@ def estimates(
         curves = {o: truth[run, :, i] + x.errors[run, :, i] for o, x in outcomes.items()}
         left.plot(case.times, truth[run, :, i], color="black", linewidth=1, label="true")
         for one in drawn:
-            fixed = one == "OKF"
-            look = ("#d55e00", "--") if fixed else ("#0072b2", "-.")
-            both = {"color": look[0], "linestyle": look[1], "linewidth": 1.1, "label": one}
+            kind = "Kalman" if one == "OKF" else "adaptive"
+            both = plots.look(kind) | {"linewidth": 1.1, "label": one}
             left.plot(case.times, curves[one], **both)
             right.plot(case.times, rms[one], **both)
         left.set_ylabel(f"{GREEK.get(state, state)} ({unit})")
@@ -297,4 +297,21 @@ def consistency(
     ax.axvline(fault_time, color="black", linestyle=":", linewidth=1)
     ax.set(xlabel="time (s)", ylabel="mean NEES")
     ax.legend(ncols=3, loc="upper center", bbox_to_anchor=(0.5, 1.2))
+    return fig
+
+
+def own_log(own: Log, first: int, before: np.ndarray, limit: float) -> Figure:
+    """Draw a log, its first part shaded, and β of the optimal filter on the rest."""
+    fig, (top, bottom) = plt.subplots(2, 1, figsize=(7.2, 4.8), sharex=True)
+    times = own.dt * np.arange(len(own.z))
+    rate = own.z[:, 0 if own.z.shape[1] == 1 else 1]
+    top.plot(times, np.degrees(own.rudder), label="rudder (deg)", **plots.look("other"))
+    top.plot(times, np.degrees(rate), label="yaw rate (deg/s)", **plots.look("Gaussian"))
+    bottom.plot(times[first + 1 :], before, label="OKF", **plots.look("optimal") | {"linewidth": 1})
+    bottom.axhline(limit, color="#d55e00", linestyle="--", label="threshold")
+    for ax in (top, bottom):
+        ax.axvspan(times[0], times[first - 1], color="0.92")
+    bottom.set(xlabel="time (s)", ylabel="β", yscale="log", ylim=(1e-3, None))
+    top.legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1.0))
+    bottom.legend(loc="lower left")
     return fig

@@ -7,7 +7,7 @@ import numpy as np
 
 from seanav.checks import ParameterError
 from seanav.models import vehicles
-from seanav.scenario import Choice, Integer, List, Number, Parameters, parameter, tenth
+from seanav.scenario import Choice, File, Integer, List, Number, Parameters, parameter, tenth
 
 PLANES = {"steering": vehicles.steering(), "diving": vehicles.diving()}
 FAULTS = ("loss", "reversal", "half", "bias", "stuck")
@@ -108,6 +108,18 @@ class Scenario(Parameters):
         unit="rad per step",
         origin="ours",
         note="of the baseline with an input bias",
+    )
+    log_file: str = parameter(
+        "", File(), origin="ours", note="a log of your own ship, see Your own data; empty: none"
+    )
+    log_model: str = parameter(
+        "nomoto", Choice(("nomoto", "remus")), origin="ours", note="of the log: identified, or (8)"
+    )
+    log_share: float = parameter(
+        0.4,
+        Number(at_least=0.05, at_most=0.95),
+        origin="ours",
+        note="of the log, from which a model is identified",
     )
     settings: int = parameter(
         300, Integer(4, 100_000), origin="ours", note="random settings of the sweep", quick=tenth(4)
