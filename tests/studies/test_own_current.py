@@ -155,6 +155,24 @@ def test_flights_agree_with_the_exact_numbers():
     assert abs(found.value - exact) < 2 * found.se + 0.02 * exact
 
 
+def test_the_response_has_the_signs_of_the_flights():
+    # With a current, with the opposite one and with none: what the sensors do cancels run by
+    # run. The signs of north and east to each other matter here, by over 10 %.
+    def both(flow):
+        sea = tidal.Sea("steady", np.ones((2, 601, 16)) * np.reshape(flow, (2, 1, 1)))
+        flown = tidal.fly(SHORT, sea, [run.EKF(0.3)])["EKF 0.3"].mean_squares
+        exact = tidal.mean_squares(SHORT, sea, tidal.Belief(0.3, 7200.0)).mean(axis=1)
+        return np.array([[flown.north.mean(), flown.east.mean()], exact])
+
+    none, found = both([0, 0]), []
+    for sign in (1, -1):
+        flow = np.array([0.5, 0.5 * sign])
+        flown, exact = both(flow) / 2 + both(-flow) / 2 - none
+        np.testing.assert_allclose(exact, flown, rtol=0.03)
+        found.append(exact)
+    assert (np.abs(found[0] / found[1] - 1) > 0.1).any()
+
+
 # ---------------------------------------------------------------- flights
 
 
