@@ -15,7 +15,7 @@ SHORT = Scenario(duration_s=600, runs=16, current_missions=16, corner_radius=100
 
 def written(folder, text):
     path = folder / "mine.csv"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     return str(path)
 
 
@@ -43,7 +43,7 @@ BAD = {
     HEAD + "0,0.1,0.1\n600,0.1,45\n1200,0,0\n": "row 3: east_m_s = 45",
     HEAD + "0,0.1,0.1\n600,0.1,0.1\n600,0,0\n": "row 4",
     HEAD + "0,0.1,0.1\n600,0.1,0.1\n500,0,0\n": "row 4",
-    HEAD + "0,0.1,0.1\n4300,0.1,0.1\n5000,0,0\n": "gaps may be 3600 s",
+    HEAD + "0,0.1,0.1\n11000,0.1,0.1\n12000,0,0\n": "gaps may be 10800 s",
     HEAD + "0,0.1,0.1\n600,0.1,0.1\n1100,0,0\n": "must last 2 missions",
     HEAD + "0,0.1,0.1\n600,0.1\n1200,0,0\n": "row 3",
     HEAD + "0,0.1,0.1\n2017-04-06T12:10:00Z,0.1,0.1\n1200,0,0\n": "row 3",

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from seanav._compile import kernel
-from seanav.checks import array, covariance, number
+from seanav.checks import array, covariance, integer, number
 
 
 @kernel
@@ -82,6 +82,28 @@ def _achieve(Phi, Q, H, R, M0, gains, moments):
         moments[step + 1] = M
 
 
+@kernel
+def _respond(Phi, H, gains, seen, d, work, out):
+    steps, n = H.shape
+    runs = seen.shape[1]
+    for k in range(steps):
+        for i in range(n):
+            for r in range(runs):
+                work[i, r] = 0.0
+            for j in range(n):
+                if Phi[k, i, j] != 0.0:
+                    for r in range(runs):
+                        work[i, r] += Phi[k, i, j] * d[j, r]
+        for r in range(runs):
+            rho = seen[k, r]
+            for i in range(n):
+                rho += H[k, i] * work[i, r]
+            for i in range(n):
+                d[i, r] = work[i, r] - gains[k, i] * rho
+            for i in range(out.shape[1]):
+                out[k, i, r] = d[i, r]
+
+
 def design(
     Phi: ArrayLike, Q: ArrayLike, H: ArrayLike, R: float, P0: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -123,6 +145,41 @@ def achieve(
     moments = np.empty((len(Phi) + 1, *M0.shape))
     _achieve(Phi, Q, H, number("R", R, at_least=0), M0, gains, moments)
     return moments
+
+
+def respond(
+    Phi: ArrayLike, H: ArrayLike, gains: ArrayLike, seen: ArrayLike, kept: int
+) -> np.ndarray:
+    """Return the errors (steps, kept, runs) of the first states that a disturbance causes.
+
+    A disturbance that is no noise, such as a current that was measured, is seen by the
+    measurement and by nothing else. The error that it causes is the filter's linear response
+    to it, from an error of zero: its square adds to the moments that the noises cause.
+
+    Parameters
+    ----------
+    Phi : array (steps, n, n); H, gains : array (steps, n)
+        As in `design`.
+    seen : array (steps, runs)
+        What the disturbance adds to the predicted less the measured value.
+    kept : int
+        Number of states whose errors are returned.
+
+    Raises
+    ------
+    seanav.checks.ParameterError
+        If shapes do not fit or a number is not finite.
+    """
+    sizes: dict = {}
+    Phi = array("Phi", Phi, ("steps", "states", "states"), sizes)
+    H = array("H", H, ("steps", "states"), sizes)
+    gains = array("gains", gains, ("steps", "states"), sizes)
+    seen = array("seen", seen, ("steps", "runs"), sizes)
+    n, runs = H.shape[1], seen.shape[1]
+    kept = integer("kept", kept, at_least=1, at_most=n)
+    out = np.empty((len(H), kept, runs))
+    _respond(Phi, H, gains, seen, np.zeros((n, runs)), np.empty((n, runs)), out)
+    return out
 
 
 def _checked(

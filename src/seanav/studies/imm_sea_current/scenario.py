@@ -178,7 +178,7 @@ class Scenario(Parameters):
     )
     current_mean: str = parameter("kept", Choice(("kept", "removed")), origin="ours")
     current_gap_s: float = parameter(
-        3600.0, Number(above=0, at_most=1e6), unit="s", origin="ours", note="longest gap of it"
+        10_800.0, Number(above=0, at_most=1e6), unit="s", origin="ours", note="longest gap of it"
     )
     current_missions: int = parameter(
         32,

@@ -10,7 +10,6 @@ import attrs
 import numpy as np
 
 from seanav import estimates, montecarlo
-from seanav._compile import kernel
 from seanav.checks import read_only
 from seanav.estimates import Estimate
 from seanav.filters import ins, linear_covariance
@@ -201,28 +200,6 @@ class Belief:
         return words + (f" + tide {self.tide:g} m/s" if self.tide else "")
 
 
-@kernel
-def _respond(Phi, H, K, current, d, work, out):
-    steps, n = H.shape
-    runs = current.shape[2]
-    for k in range(steps):
-        for i in range(n):
-            for r in range(runs):
-                work[i, r] = 0.0
-            for j in range(n):
-                if Phi[k, i, j] != 0.0:
-                    for r in range(runs):
-                        work[i, r] += Phi[k, i, j] * d[j, r]
-        for r in range(runs):
-            rho = -H[k, 15] * current[0, k + 1, r] - H[k, 16] * current[1, k + 1, r]
-            for i in range(n):
-                rho += H[k, i] * work[i, r]
-            for i in range(n):
-                d[i, r] = work[i, r] - K[k, i] * rho
-            out[k, 0, r] = d[0, r]
-            out[k, 1, r] = d[1, r]
-
-
 @lru_cache(maxsize=8)
 def _dynamics(path, time, speed):
     # The 18 states of `linear.model`, and two oscillators behind them if there is a speed.
@@ -261,9 +238,9 @@ def mean_squares(scenario: Scenario, sea: Sea, belief: Belief) -> np.ndarray:
     Q[:18] = linear.process_noise(scenario, 0.0)
     M0[:18, :18] = linear.true_start(scenario, 0.0)
     M = linear_covariance.achieve(Phi, Q, H, scenario.log_noise**2, M0, K)
-    runs = sea.current.shape[2]
-    out = np.empty((len(H), 2, runs))
-    _respond(Phi, H, K, sea.current, np.zeros((n, runs)), np.empty((n, runs)), out)
+    # The log sees the water's motion along the ship, which no state of the filter holds.
+    seen = -H[:, 15, None] * sea.current[0, 1:] - H[:, 16, None] * sea.current[1, 1:]
+    out = linear_covariance.respond(Phi, H, K, seen, 2)
     scale = linear.metres(scenario)[1:, :, None] ** 2
     sensors_part = np.einsum("kii->ki", M)[1:, :2, None]
     return ((sensors_part + out**2) * scale).mean(axis=0)

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
+from seanav import plots
 from seanav.studies.ito_filter import figures, run, scores
 from seanav.studies.ito_filter.scenario import COMPONENTS, Case, Scenario
 
@@ -22,8 +23,8 @@ SMALL = Scenario(
 )
 FILTERS = ("gaussian", "ekf")
 BARS: dict[str, dict[str, Any]] = {
-    "gaussian": {"color": "#0072b2"},
-    "ekf": {"color": "#d55e00", "hatch": "///"},
+    "gaussian": {"color": plots.KINDS["Gaussian"][0]},
+    "ekf": {"color": plots.KINDS["Kalman"][0], "hatch": "///"},
 }
 
 

@@ -11,13 +11,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 from numpy.typing import ArrayLike
 
+from seanav import plots
+from seanav.filters.moments import Track
 from seanav.filters.moments.density import Density
-from seanav.studies.ito_filter.run import History
+from seanav.studies.ito_filter.own_sde import Own
+from seanav.studies.ito_filter.run import History, Truth
 from seanav.studies.ito_filter.scenario import COMPONENTS, UNITS, VEHICLES
 
-TRUE: dict[str, Any] = {"color": "black", "linestyle": ":", "linewidth": 1.3}
-FILTERED: dict[str, Any] = {"color": "#0072b2", "linestyle": "-", "linewidth": 1.3}
-FREE: dict[str, Any] = {"color": "#d55e00", "linestyle": (0, (5, 2)), "linewidth": 1.1}
+TRUE: dict[str, Any] = plots.look("truth") | {"linewidth": 1.3}
+FILTERED: dict[str, Any] = plots.look("Gaussian") | {"linewidth": 1.3}
+FREE: dict[str, Any] = plots.look("open loop") | {"linewidth": 1.1}
 MEASURED: dict[str, Any] = {"color": "0.35", "marker": "o", "markersize": 2.2, "linestyle": "none"}
 NAMES = {
     "gaussian": "Gaussian closure",
@@ -27,11 +30,11 @@ NAMES = {
     "Fokker–Planck": "Fokker–Planck",
 }
 STYLES: dict[str, dict[str, Any]] = {
-    "gaussian": {"color": "#0072b2", "linestyle": "-"},
-    "second order": {"color": "#009e73", "linestyle": "-."},
-    "ekf": {"color": "#d55e00", "linestyle": "--"},
-    "exact": {"color": "black", "linestyle": ":"},
-    "Fokker–Planck": {"color": "black", "linestyle": ":"},
+    "gaussian": plots.look("Gaussian"),
+    "second order": plots.look("second order"),
+    "ekf": plots.look("Kalman"),
+    "exact": plots.look("truth"),
+    "Fokker–Planck": plots.look("truth"),
 }
 
 # ---------------------------------------------------------------- trajectories
@@ -215,7 +218,7 @@ def planar(times: np.ndarray, curves: dict[str, tuple[np.ndarray, ...]]) -> Figu
     every = max(1, round(2.0 / (times[1] - times[0])))  # a mark every two seconds
     for (name, (z, trace)), mark in zip(curves.items(), ("o", "s", "^"), strict=True):
         marks: dict[str, Any] = {"marker": mark, "markersize": 4, "markevery": every}
-        left.plot(z.real, z.imag, label=NAMES[name], **marks, **STYLES[name])
+        left.plot(z.real, z.imag, label=NAMES[name], **STYLES[name] | marks)
         right.plot(times, trace, label=NAMES[name], **STYLES[name])
     left.set(xlabel="mean u (m/s)", ylabel="mean v (m/s)", aspect="equal")
     right.set(xlabel="time (s)", ylabel="var u + var v (m²/s²)")
@@ -239,4 +242,20 @@ def density(field: Density, summaries: dict[str, tuple[np.ndarray, ...]]) -> Fig
         ax.add_patch(ellipse)
     ax.set(xlabel="v (m/s)", ylabel="r (rad/s)", xlim=(-1.2, 1.4), ylim=(-3.2, 3.0))
     ax.legend(loc="upper right")
+    return fig
+
+
+def own_sde(own: Own, truth: Truth, track: Track, free: Track) -> Figure:
+    """Draw the first run of a user's system: truth, filter with its band, prediction only."""
+    n = len(own.names)
+    fig, axes = plt.subplots(n, 1, figsize=(7.2, 1.0 + 1.7 * n), sharex=True, squeeze=False)
+    for i, ax in enumerate(axes[:, 0]):
+        mean, sd = track.mean[0, :, i], np.sqrt(track.P[0, :, i, i])
+        ax.fill_between(truth.times, mean - 2 * sd, mean + 2 * sd, color="0.85", linewidth=0)
+        ax.plot(truth.times, free.mean[0, :, i], label="prediction only", **FREE)
+        ax.plot(truth.times, mean, label="filtered, ± 2 own sd", **FILTERED)
+        ax.plot(truth.times, truth.x[0, :, i], label="true", **TRUE)
+        ax.set(ylabel=f"{own.names[i]} ({own.units[i]})" if own.units[i] else own.names[i])
+    axes[-1, 0].set(xlabel="time")
+    axes[0, 0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1.0))
     return fig

@@ -12,7 +12,7 @@ import numpy as np
 from seanav import checks
 from seanav.checks import ParameterError
 from seanav.models import bodies
-from seanav.scenario import Integer, List, Number, Parameters, parameter, tenth
+from seanav.scenario import File, Integer, List, Number, Parameters, parameter, tenth
 
 SHORTEST, LONGEST = 1e-4, 1e5  # s, of a step and of a mission
 STEPS = 100_000  # of one run, at most
@@ -131,6 +131,9 @@ class Scenario(Parameters):
     )
     map_R: float = parameter(
         0.01, _VARIANCE, unit="(m/s)²", origin="ours", note="of the linear velocities"
+    )
+    sde_file: str = parameter(
+        "", File(), origin="ours", note="a system of your own, see Your own data; empty: none"
     )
     seed: int = parameter(2021, Integer(0), origin="assumed")
 
