@@ -143,6 +143,8 @@ def _understood(scenario, source, content):
     names = content["states"]
     if not isinstance(names, list) or not all(isinstance(x, str) for x in names):
         raise ParameterError("states", names, "must be a list of names")
+    if len(set(names)) < len(names):
+        raise ParameterError("states", names, "must be different names")
     checks.integer("number of states", len(names), at_least=1, at_most=MOST_STATES)
     tables = {key: _table(key, content[key], names) for key in TABLES}
     given = content.get("parameters", {})
@@ -303,8 +305,9 @@ def rows(own: Own, truth: run.Truth, tracks: dict[str, Track]) -> list[tuple]:
     """Return rows (filter, state, unit, RMSE, low, high, own sd over RMSE, mean NEES)."""
     listed = []
     for name, track in tracks.items():
-        certain = np.abs(np.linalg.det(track.P[:, 1:])).min() > 0  # a P of zero has no NEES
-        score = scores.score(truth, track, consistency=bool(certain))
+        with np.errstate(invalid="ignore"):  # of a filter that diverged
+            certain = bool((np.linalg.det(track.P[:, 1:]) != 0).all())  # P = 0 has no NEES
+        score = scores.score(truth, track, consistency=certain)
         nees = score.mean_nees() if certain else "no NEES"
         for i, (state, unit) in enumerate(zip(own.names, own.units, strict=True)):
             rmse, ratio = score.rmse(i), score.own_sd_ratio(i)
