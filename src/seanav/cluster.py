@@ -132,11 +132,18 @@ def _client(where):
             if where == "local":
                 quiet = {"dashboard_address": ":0", "silence_logs": logging.CRITICAL}
                 at = LocalCluster(threads_per_worker=1, **quiet)
-            _joined[where] = Client(at, timeout=PATIENCE)
+            _joined[where] = _connected(Client, at)
         except (OSError, TimeoutError, ValueError) as error:
             allowed = f"must be local or the address of a Dask scheduler: {_line(error)}"
             raise ParameterError(NAME, where, allowed) from None
     return _joined[where]
+
+
+def _connected(connect, at):
+    try:
+        return connect(at, timeout=PATIENCE)
+    except AssertionError:  # its thread had not begun after ten seconds: a machine that slept
+        return connect(at, timeout=PATIENCE)
 
 
 def _check(client, where):
