@@ -12,9 +12,10 @@ PAPER :=
 QUICK :=
 PARAMS :=
 SEED :=
+SCHEDULER :=
 GIVEN := $(foreach v,$(.VARIABLES),$(if $(findstring command,$(origin $v)),$v))
-UNKNOWN := $(filter-out PYTHON PAPER QUICK PARAMS SEED,$(GIVEN))
-$(if $(UNKNOWN),$(error unknown: $(UNKNOWN:%=%=...); did you mean PAPER=, QUICK=, PARAMS=, SEED= or PYTHON=?))
+UNKNOWN := $(filter-out PYTHON PAPER QUICK PARAMS SEED SCHEDULER,$(GIVEN))
+$(if $(UNKNOWN),$(error unknown: $(UNKNOWN:%=%=...); did you mean PAPER=, QUICK=, PARAMS=, SEED=, SCHEDULER= or PYTHON=?))
 # Of a name that is given twice make keeps the last and tells nobody; its command line does.
 TWICE := $(strip $(shell { tr '\0' '\n' </proc/$$PPID/cmdline || ps -o args= -p $$PPID | tr ' ' '\n'; } \
   2>/dev/null | sed -n 's/^\([A-Z]*\)[:?+]*=.*/\1/p' | sort | uniq -d))
@@ -24,6 +25,7 @@ belongs = $(if $(value $1),$(if $(filter-out $2 .venv,$(MAKECMDGOALS)),$(error $
 $(call belongs,PAPER,figures notebooks confirm)
 $(call belongs,QUICK,figures)
 $(call belongs,PARAMS,figures)
+$(call belongs,SCHEDULER,figures confirm)
 $(call belongs,SEED,confirm)
 $(if $(filter confirm,$(MAKECMDGOALS)),$(if $(strip $(SEED)),,$(error make confirm SEED=...: a whole number that was never run before)))
 
@@ -46,11 +48,12 @@ STAMPS := $(CHOSEN:%=build/stamps/%)
 # Of PIP_... and pip's files, src/seanav/environment.py keeps the way to a registry.
 unexport $(filter-out SEANAV_THREADS,$(filter PYTHON% VIRTUAL_ENV CONDA_% IPYTHON% JUPYTER% JPY_% \
   MPL% MATPLOTLIB% NUMBA_% GDAL_% PROJ_% PYTEST_% COVERAGE_% HYPOTHESIS_% RUFF_% PAPERMILL_% \
-  SEANAV_% PAPER QUICK PARAMS SEED,$(.VARIABLES)))
+  SEANAV_% DASK_% PAPER QUICK PARAMS SEED SCHEDULER,$(.VARIABLES)))
 # Handed over in the environment: no shell and no make reads quotes and dollars in them.
 export SEANAV_PARAMS := $(value PARAMS)
 export SEANAV_PYTHON := $(value PYTHON)
 export SEANAV_SEED := $(value SEED)
+export SEANAV_SCHEDULER := $(value SCHEDULER)
 # The same texts in every language.
 export PYTHONUTF8 := 1
 export PYTHONNOUSERSITE := 1
@@ -60,6 +63,7 @@ export OPENBLAS_NUM_THREADS := 1
 export MKL_NUM_THREADS := 1
 # Nothing is read from or written to a home directory; there may be none.
 export MPLCONFIGDIR := $(CURDIR)/build/home/matplotlib
+export DASK_CONFIG := $(CURDIR)/build/home/dask
 export IPYTHONDIR := $(CURDIR)/build/home/ipython
 export JUPYTER_CONFIG_DIR := $(CURDIR)/build/home/jupyter/config
 export JUPYTER_DATA_DIR := $(CURDIR)/build/home/jupyter/data
@@ -79,7 +83,7 @@ ifneq ($(strip $(FAST)$(value PARAMS)),)
 figures: .venv
 	@$(SEANAV) run $(CHOSEN:%=--paper %) $(if $(FAST),--quick) --params="$$SEANAV_PARAMS"
 else
-figures: $(STAMPS) ## all results into paper_figures/; [PAPER="2 5"] [QUICK=1] [PARAMS="runs=200 seed=7"]: into build/
+figures: $(STAMPS) ## all results into paper_figures/; [PAPER="2 5"] [QUICK=1] [PARAMS="runs=200 seed=7"]: into build/; [SCHEDULER=local]: on Dask
 	@echo "paper_figures/ is up to date: $(CHOSEN)"
 endif
 

@@ -4,7 +4,6 @@ import os
 import threading
 import time
 import zlib
-from concurrent.futures import ThreadPoolExecutor
 
 import nbformat
 import numpy as np
@@ -82,18 +81,6 @@ def test_parallel_map_passes_an_error_on():
 
     with pytest.raises(ArithmeticError, match="batch"):
         parallel_map(fails, range(3), threads=2)
-
-
-def test_parallel_map_on_a_cluster_keeps_the_order():
-    class Client:
-        """The two calls of a Dask client that are used, on a pool of threads."""
-
-        def map(self, function, items, pure):
-            assert not pure  # Dask would merge batches that look equal
-            return [pool.submit(function, item) for item in items]
-
-    with ThreadPoolExecutor(2) as pool:
-        assert parallel_map(abs, [-3, 2, -1], client=Client()) == [3, 2, 1]
 
 
 @pytest.mark.parametrize("threads", [0, -2, 1.5])

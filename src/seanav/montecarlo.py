@@ -5,12 +5,12 @@ import sys
 import zlib
 from collections.abc import Callable, Iterable
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
+from seanav import cluster
 from seanav.checks import integer
 
 # ---------------------------------------------------------------- random numbers
@@ -65,7 +65,6 @@ def parallel_map(
     items: Iterable,
     *,
     threads: int | None = None,
-    client: Any = None,
     label: str | None = None,
 ) -> list:
     """Return ``[function(item) for item in items]``, computed in parallel, in order.
@@ -79,20 +78,19 @@ def parallel_map(
     Parameters
     ----------
     function : callable
-        Takes one item. With `client` it must be picklable.
+        Takes one item.
     items : iterable
         The batches.
     threads : int, optional
         Default: environment variable ``SEANAV_THREADS``, else the number of processors.
-    client : dask.distributed.Client, optional
-        Run on this Dask cluster instead.
+        Of no effect if ``SEANAV_SCHEDULER`` names a cluster, see `seanav.cluster`.
     label : str, optional
         Text beside the progress bar.
 
     Raises
     ------
     ParameterError
-        If `threads` is not an integer of at least 1.
+        If `threads` is not an integer of at least 1, or the cluster cannot be used.
     """
     items = list(items)
     given: int | str | None = threads
@@ -101,9 +99,8 @@ def parallel_map(
         given = int(text) if text.isdecimal() else text
     threads = integer("threads", given, at_least=1)
     with _progress_bar(len(items), label) as advance:
-        if client is not None:
-            futures = client.map(function, items, pure=False)
-            results = (future.result() for future in futures)
+        if where := cluster.address():
+            results = cluster.results(function, items, where)
         else:
             workers = Parallel(n_jobs=threads, backend="threading", return_as="generator")
             results = workers(delayed(function)(item) for item in items)

@@ -160,7 +160,7 @@ def test_an_own_notebook_is_no_paper(finished):
     [
         (
             ["PARAM=runs=20"],
-            "unknown: PARAM=...; did you mean PAPER=, QUICK=, PARAMS=, SEED= or PYTHON=?",
+            "unknown: PARAM=...; did you mean PAPER=, QUICK=, PARAMS=, SEED=, SCHEDULER=",
         ),
         (["paper=3"], "unknown: paper=...; did you mean"),
         (["PAPERS=3", "Quick=1"], "unknown: "),
@@ -174,6 +174,7 @@ def test_an_own_notebook_is_no_paper(finished):
         (["notebooks", "QUICK=1"], "QUICK belongs to: make figures."),
         (["test", "PARAMS=runs=2"], "PARAMS belongs to: make figures."),
         (["SEED=3"], "SEED belongs to: make confirm."),
+        (["test", "SCHEDULER=local"], "SCHEDULER belongs to: make figures confirm."),
         (["confirm"], "make confirm SEED=...: a whole number"),
         (["PAPER=8", "PAPER=9"], 'given twice: PAPER; several papers are one word: PAPER="2 5".'),
         (["SEED=3", "PARAMS=a b=1", "QUICK=0", "PARAMS=", "QUICK:=1"], "given twice: PARAMS QUICK"),

@@ -15,7 +15,7 @@ from typing import Any
 
 import nbformat
 
-from seanav import _process
+from seanav import _process, cluster
 from seanav._files import Busy, lock, place, remove
 from seanav.checks import ParameterError
 from seanav.runner.checkout import Refused, notebook, parameters_cell
@@ -126,6 +126,10 @@ def run(root: Path, stem: str, quick: bool = False, words: tuple[str, ...] = ())
     """
     started = time.time()
     chosen = parameters(root, stem, quick, words)
+    try:
+        cluster.check()
+    except ParameterError as error:
+        raise Refused(str(error)) from None
     mode = "params" if words else "quick" if quick else "full"
     expected = _expected(root, stem, "quick" if quick else "full")
     try:

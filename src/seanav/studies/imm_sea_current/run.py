@@ -309,7 +309,6 @@ def fly_all(
     stride: int = 0,
     first: int = 0,
     threads: int | None = None,
-    client: Any = None,
     label: str | None = None,
 ) -> Sequence:
     """Fly jobs over all runs of the scenario, each run with the same noise in every job.
@@ -327,8 +326,7 @@ def fly_all(
     list of seanav.filters.ins.Flight
         One per job, without covariances: those of all runs would fill the memory.
     """
-    if client is None:
-        scenario.path().increments()  # prepared once, before the threads share it
+    scenario.path().increments()  # prepared once, before the threads share it
     batches = -(-scenario.runs // LANES)
     # Few batches: their sensors are kept, and shares of the jobs are tasks of their own. Many:
     # a task is all that is to be done with one batch, which is sensed for it and forgotten.
@@ -336,7 +334,7 @@ def fly_all(
     shares = [range(len(jobs))[k::count] for k in range(count)]
     tasks = [(share, batch) for share in shares for batch in range(first, batches)]
     one = partial(_share, scenario, jobs, stride)
-    done = montecarlo.parallel_map(one, tasks, threads=threads, client=client, label=label)
+    done = montecarlo.parallel_map(one, tasks, threads=threads, label=label)
     found = [[] for _ in jobs]
     for (share, _), flights in zip(tasks, done, strict=True):
         for job, flight in zip(share, flights, strict=True):
