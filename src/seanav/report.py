@@ -85,7 +85,9 @@ def json_text(content: dict) -> str:
     return json.dumps(_stored(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _print_table(columns, rows):
+def print_table(columns: Sequence, rows: Iterable) -> None:
+    """Print a table in columns as wide as needed; numbers with three significant digits."""
+
     def shown(x):
         return significant(x) if isinstance(x, Real) and not isinstance(x, bool) else _cell(x)
 
@@ -219,7 +221,7 @@ class Report:
         write(self._new("table", number, ".csv"), _csv(columns, rows))
         print(f"Table {number}. {caption}")
         if shown:
-            _print_table(columns, rows)
+            print_table(columns, rows)
 
     def parameters(self, rows: list[tuple]) -> None:
         """Save and print where each parameter comes from.

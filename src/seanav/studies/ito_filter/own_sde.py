@@ -270,14 +270,11 @@ def measure(scenario: Scenario, own: Own, truth: run.Truth) -> np.ndarray:
         flat = np.where(np.isfinite(x), x, 0.0).reshape(-1, x.shape[2])
         certain = np.zeros((len(flat), x.shape[2], x.shape[2]))
         z = H(flat, certain, None, own.parameters)[0].reshape(*x.shape[:2], -1)
-    noise = montecarlo.normals(scenario.seed, "own measurement", *_split(z.shape))
+    runs, *shape = z.shape
+    noise = montecarlo.normals(scenario.seed, "own measurement", runs, tuple(shape))
     z = z + noise @ np.sqrt(own.R)
     z[truth.lost] = 0.0  # a filter takes no NaN
     return z
-
-
-def _split(shape):
-    return shape[0], shape[1:]
 
 
 def estimate(own: Own, truth: run.Truth, z: np.ndarray, closure: str, corrected: bool) -> Track:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from seanav.estimates import significant
+from seanav.report import print_table
 
 # A phase beside the name of its course, in few letters.
 PHASES = {"before turn": "before", "turn": "turning", "after turn": "after", "examination": ""}
@@ -51,10 +52,7 @@ def per_cent(share: float) -> str:
 
 def show(table: list[list[str]], title: str) -> None:
     """Print a table of texts under its `title`, and an empty line after it."""
-    lines = [[title, *table[0][1:]], *table[1:]]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    for line in lines:
-        print("  ".join(x.ljust(width) for x, width in zip(line, widths, strict=True)).rstrip())
+    print_table([title, *table[0][1:]], table[1:])
     print()
 
 
