@@ -55,6 +55,17 @@ def own_map(per_mgal, **attributes):
     return {"map_source": write, "map_variable": "anomaly"}
 
 
+def own_file(name, header, rows):
+    """Return what writes a table of a user's, or any text if there are no rows."""
+
+    def write(folder):
+        lines = [",".join(f"{x:.12g}" for x in row) for row in rows]
+        (folder / name).write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+        return str(folder / name)
+
+    return write
+
+
 @cache
 def code(stem):
     """Return (source, hidden) of a notebook's cells.

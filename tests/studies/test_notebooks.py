@@ -1,11 +1,28 @@
 """Every cell of a notebook runs to its end, far from the paper's settings."""
 
 import importlib
+import math
 
 import pytest
-from cells import judge, own_map
+from cells import judge, own_file, own_map
 
 from seanav.scenario import Choice
+
+TRACK = [(t, 4.0 * t + math.sin(7 * t), 90 * math.sin(t / 60)) for t in range(0, 400, 2)]
+LOG = [(k / 10, 5 * math.sin(k / 20), 0.1, math.sin(k / 9), k % 360) for k in range(600)]
+CURRENT = [(600 * k, 0.4 + 0.3 * math.sin(k / 9), 0.1 * math.cos(k / 5)) for k in range(60)]
+SYSTEM = """
+states = ["x"]
+step = 0.1
+interval = 0.5
+duration = 2.0
+drift.x = "-x*Abs(x)"
+diffusion.x = ["0.1", "0.2"]
+mean.x = 1.0
+variance.x = 0.0
+measurement.h = ["sqrt(1 + x**2)"]
+measurement.variance = [0.01]
+"""
 
 # Every option of every choice, and lists of one entry, unsorted, and off the printed points.
 CASES = {
@@ -26,6 +43,38 @@ CASES = {
         "filter_step": 0.25,
         "map_noise": [30.0],
         "map_interval": [0.5],
+    },
+    ("1_ito_filter", "own system"): {
+        "sde_file": own_file("own.toml", SYSTEM, []),
+        "map_noise": [1.0],
+        "map_interval": [0.5],
+    },
+    ("2_neural_estimator", "own track"): {
+        "track_file": own_file("own.csv", "time,north_m,east_m", TRACK),
+        "reference_file": own_file("better.csv", "time,east_m,north_m", TRACK),
+        "steps": 90,
+    },
+    ("3_adaptive_fading", "own log of three states"): {
+        "log_file": own_file("own.csv", "time,rudder_deg,sway_m_s,yaw_rate_deg_s,heading_deg", LOG),
+        "log_model": "remus",
+        "log_share": 0.5,
+    },
+    ("3_adaptive_fading", "own log"): {
+        "log_file": own_file(
+            "own.csv",
+            "time,rudder_deg,yaw_rate_deg_s",
+            [(t, d, 0.1 * d + 0.3 * math.sin(t / 3)) for t, d, *_ in LOG],
+        ),
+    },
+    ("4_imm_sea_current", "own current"): {
+        "current_file": own_file("own.csv", "time,north_m_s,east_m_s", CURRENT),
+        "current_mean": "removed",
+        "sigma_true": [0.5],
+    },
+    ("4_imm_sea_current", "the paper's current"): {
+        "current": "markov",
+        "sigma_true": [0.5],
+        "current_missions": 2,
     },
     ("2_neural_estimator", "short"): {
         "steps": 60,
