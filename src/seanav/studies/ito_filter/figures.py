@@ -20,7 +20,7 @@ from seanav.studies.ito_filter.scenario import COMPONENTS, UNITS, VEHICLES
 
 TRUE: dict[str, Any] = plots.look("truth") | {"linewidth": 1.3}
 FILTERED: dict[str, Any] = plots.look("Gaussian") | {"linewidth": 1.3}
-FREE: dict[str, Any] = plots.look("open loop") | {"linewidth": 1.1}
+FREE: dict[str, Any] = plots.look("other") | {"linewidth": 1.1}
 MEASURED: dict[str, Any] = {"color": "0.35", "marker": "o", "markersize": 2.2, "linestyle": "none"}
 NAMES = {
     "gaussian": "Gaussian closure",
