@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from seanav.checks import ParameterError
-from seanav.studies.imm_sea_current import linear, own_figures, records, run, scores, tidal
+from seanav.studies.imm_sea_current import linear, own_current, own_figures, run, scores, tidal
 from seanav.studies.imm_sea_current.scenario import Scenario
 
 SHORT = Scenario(duration_s=600, runs=16, current_missions=16, corner_radius=100)
@@ -72,7 +72,9 @@ def test_no_file_and_a_folder_are_refused(tmp_path, where):
 
 def test_missions_follow_each_other_and_are_interpolated(tmp_path):
     path = table(tmp_path, count=8, line=lambda k: f"{k * 450},{k * 0.45:.2f},{1 - k * 0.09:.2f}")
-    starts, current = records.missions(SHORT, records.read(attrs.evolve(SHORT, current_file=path)))
+    starts, current = own_current.missions(
+        SHORT, own_current.read(attrs.evolve(SHORT, current_file=path))
+    )
     assert starts.tolist() == [0, 600, 1200, 1800, 2400]
     time = starts + np.arange(601)[:, None]
     np.testing.assert_allclose(current, [time * 1e-3, 1 - time * 2e-4], atol=1e-12)
@@ -80,7 +82,7 @@ def test_missions_follow_each_other_and_are_interpolated(tmp_path):
 
 def test_of_too_many_missions_the_chosen_are_spread_over_the_record(tmp_path):
     few = attrs.evolve(SHORT, current_file=table(tmp_path, count=41), current_missions=3)
-    starts, current = records.missions(few, records.read(few))
+    starts, current = own_current.missions(few, own_current.read(few))
     assert starts.tolist() == [0, 12000, 23400]
     assert current.shape == (2, 601, 3)
 
@@ -91,7 +93,7 @@ def test_a_direction_is_where_the_water_flows_to(tmp_path):
         tmp_path, "time,speed_m_s,direction_deg", 3,
         line=lambda k: f"{k * 600},{lines[k][0]},{lines[k][1]}",
     )  # fmt: skip
-    flow = records.velocities(records.read(attrs.evolve(SHORT, current_file=path)))
+    flow = own_current.velocities(own_current.read(attrs.evolve(SHORT, current_file=path)))
     root = math.sqrt(2)
     np.testing.assert_allclose(flow, [[1, 0, -root], [0, 1, -root]], atol=1e-12)
 
@@ -99,7 +101,9 @@ def test_a_direction_is_where_the_water_flows_to(tmp_path):
 def test_the_mean_that_is_removed_is_that_over_time(tmp_path):
     times, values = (0, 100, 1200), (0.0, 1.0, 1.0)
     path = table(tmp_path, count=3, line=lambda k: f"{times[k]},{values[k]},0.2")
-    flow = records.velocities(records.read(attrs.evolve(SHORT, current_file=path)), "removed")
+    flow = own_current.velocities(
+        own_current.read(attrs.evolve(SHORT, current_file=path)), "removed"
+    )
     np.testing.assert_allclose(flow[0], np.array(values) - 1150 / 1200, atol=1e-12)
     np.testing.assert_allclose(flow[1], 0.0, atol=1e-12)
 

@@ -14,7 +14,7 @@ from seanav.checks import read_only
 from seanav.estimates import Estimate
 from seanav.filters import ins, linear_covariance
 from seanav.models import currents, tides
-from seanav.studies.imm_sea_current import linear, records, run, scores
+from seanav.studies.imm_sea_current import linear, own_current, run, scores
 from seanav.studies.imm_sea_current.scenario import Scenario
 
 GRID = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)  # m/s, of the fixed filters
@@ -60,10 +60,10 @@ def sea(scenario: Scenario) -> Sea:
     Raises
     ------
     seanav.checks.ParameterError
-        See `records.read`.
+        See `own_current.read`.
     """
     if scenario.current_file:
-        current = records.missions(scenario, records.read(scenario))[1]
+        current = own_current.missions(scenario, own_current.read(scenario))[1]
         return Sea(Path(scenario.current_file).name, current)
     if scenario.current == "markov":
         sigma = scenario.sigma_true[len(scenario.sigma_true) // 2]
