@@ -26,6 +26,7 @@ CONTROLS = {
 
 @pytest.fixture(autouse=True)
 def seen():
+    plt.close("all")  # a notebook that failed in this process may have left some
     picture.seen = []
     yield picture.seen
     assert plt.get_fignums() == []  # every figure was closed

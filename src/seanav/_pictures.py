@@ -75,11 +75,11 @@ def _round(numbers):
 def palette_png(picture: PIL.Image.Image, dpi: int) -> bytes:
     """Return a PNG of 256 colours, a third of the bytes of full colour.
 
-    This method keeps rare colours, such as those of thin lines: no pixel is off by more
-    than a few of 255 levels.
+    This method keeps rare colours, such as those of thin lines; the means that follow it
+    keep greys without a tint.
     """
     method, dither = PIL.Image.Quantize.MAXCOVERAGE, PIL.Image.Dither.NONE
     text = io.BytesIO()
-    few = picture.quantize(256, method=method, dither=dither)
+    few = picture.quantize(256, method=method, kmeans=3, dither=dither)
     few.save(text, "PNG", optimize=True, dpi=(dpi, dpi))
     return text.getvalue()

@@ -46,7 +46,7 @@ def test_stamp_is_from_the_start_of_the_run_and_knows_the_imports(finished):
     table = finished / "paper_figures" / "9_tiny" / "table_1.csv"
     assert stamp.stat().st_mtime < table.stat().st_mtime
     rule, *empty = stamp.with_suffix(".d").read_text(encoding="utf-8").splitlines()
-    names = "__init__ _files _pictures checks claims estimates montecarlo report scenario"
+    names = "__init__ _files _pictures checks claims cluster estimates montecarlo report scenario"
     expected = [*(f"{name}.py" for name in names.split()), "seanav.mplstyle"]
     assert rule.split()[1:] == [f"src/seanav/{name}" for name in expected]
     assert empty == [f"src/seanav/{name}:" for name in expected]

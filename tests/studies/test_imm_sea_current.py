@@ -4,7 +4,6 @@ import dataclasses
 import math
 
 import attrs
-import cloudpickle
 import numpy as np
 import pytest
 from scipy import stats
@@ -256,17 +255,6 @@ def test_each_batch_is_sensed_once_however_many_there_are(monkeypatch):
     assert len(sensed) == many.runs + 2 * run.LANES
 
 
-class Cluster:
-    """The two calls of a Dask client that are used; tasks travel as bytes, as they do there."""
-
-    def map(self, function, items, pure):
-        assert not pure
-        sent = cloudpickle.dumps((function, items))
-        function, items = cloudpickle.loads(sent)
-        found = [cloudpickle.loads(cloudpickle.dumps(function(item))) for item in reversed(items)]
-        return [type("Future", (), {"result": lambda _, one=one: one})() for one in found[::-1]]
-
-
 @pytest.mark.parametrize("kept", [1, 16])
 def test_results_do_not_depend_on_how_the_work_is_split(kept, monkeypatch):
     scenario = Scenario(runs=40, duration_s=60.0, trajectory="circle", seed=23)
@@ -276,8 +264,8 @@ def test_results_do_not_depend_on_how_the_work_is_split(kept, monkeypatch):
         for job in jobs
     ]
     monkeypatch.setattr(run, "KEPT", kept)
-    for options in ({"threads": 1}, {"threads": 3}, {"client": Cluster()}):
-        flown = run.fly_all(scenario, jobs, **options)
+    for threads in (1, 3):
+        flown = run.fly_all(scenario, jobs, threads=threads)
         assert all(_same(a, b) for a, b in zip(flown, expected, strict=True))
 
 

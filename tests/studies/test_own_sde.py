@@ -131,7 +131,30 @@ def test_the_papers_vehicle_written_as_a_file_has_the_same_equations(read):
     assert [sp.expand(p - q.xreplace(zero)) for p, q in zip(mine, theirs, strict=True)] == [0] * 6
 
 
+def test_the_order_of_a_tables_entries_means_nothing(read):
+    tables = {key: dict(reversed(GOOD[key].items())) for key in own_sde.TABLES}
+    own, same = read(GOOD | tables), read(GOOD)
+    assert own.model == same.model
+    assert own.mean.tolist() == same.mean.tolist()
+    assert np.array_equal(own.P0, same.P0)
+
+
 # ---------------------------------------------------------------- what is computed
+
+
+def test_runs_start_with_the_mean_and_variance_of_the_file(read):
+    many = attrs.evolve(FEW, runs=4000)
+    start = own_sde.simulate(many, read(changed("duration", to=0.2), many)).x[:, 0]
+    sd = np.sqrt([0.1, 0.2])
+    assert np.allclose(start.mean(axis=0), [1.0, 0.0], atol=4 * sd / np.sqrt(4000))
+    assert np.allclose(start.std(axis=0), sd, rtol=4 / np.sqrt(2 * 4000))
+
+
+@pytest.mark.parametrize("h", ["log(x)", "sqrt(x)"])
+def test_a_measurement_that_is_not_real_is_one_line(h, read):
+    own = read(changed("measurement", "h", to=[h]))
+    with pytest.raises(ParameterError, match=r"^sde_file = .*measurement\.h: '.*finite[^\n]*$"):
+        own_sde.study(FEW, own)
 
 
 def test_a_linear_system_is_filtered_by_kalmans_filter(read):
@@ -235,6 +258,7 @@ BAD = {
     "two equal keys": ('states = ["x"]\nstates = ["x"]\n', "must be TOML"),
     "deep": ("x = " + "[" * 5000, "must be TOML"),
     "empty": ("\n", "must not be empty"),
+    "thousands of digits": ("step = " + "9" * 5000, "must be TOML"),
     "no text": (b"\xff\xfe", "must be text"),
     "too large": ("# " + "x" * 70_000, "must be a file of at most"),
     "no states": (changed("states"), "must hold 'states', too"),
@@ -272,6 +296,8 @@ BAD = {
     "step of zero": (changed("step", to=0.0), "step = 0"),
     "too many steps": (changed("step", to=1e-8), "step = 1e-08"),
     "units as numbers": (changed("units", "x", to=3), "must be a table of texts"),
+    "unit as a formula": (changed("units", "x", to="$\\frac$"), "units.x"),
+    "unit of two lines": (changed("units", "x", to="m/\ts"), "units.x"),
     "units of nobody": (changed("units", "z", to="m"), "must hold x, v only"),
     "a date": (changed("duration", to="2020-01-01"), "duration = '2020-01-01'"),
 }
@@ -289,6 +315,7 @@ INJECTED = [
     "x := 1",
     "9**9**9**9",
     "(" * 3000 + "x" + ")" * 3000,
+    "(" * 2000 + "x" + ")" * 2000,
     "x**1000",
     "+".join(["x"] * 4000),
     "1" * 400 + "*x",

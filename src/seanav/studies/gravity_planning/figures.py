@@ -116,8 +116,10 @@ def paths(
         ax.plot(*(points.T / KM), label=name, **look)
         if name not in ("Planned", "Direct"):
             box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.6}
-            middle = points[len(points) // 2] / KM
-            ax.annotate(name, middle, ha="center", va="center", fontsize="small", bbox=box)
+            middle = points[len(points) // 3 : -len(points) // 3]
+            apart = np.linalg.norm(middle[:, None] - curves["Planned"], axis=2).min(axis=1)
+            place = middle[apart.argmax()] / KM  # not upon the plan
+            ax.annotate(name, place, ha="center", va="center", fontsize="small", bbox=box)
     mark(ax, points_km)
     handles, names = ax.get_legend_handles_labels()
     ax.legend(handles[:2], names[:2], loc="upper right", frameon=True)
@@ -154,7 +156,7 @@ def ellipses(covariances: dict[str, np.ndarray]) -> Figure:
         shape = np.linalg.cholesky(P) @ circle / KM
         ax.plot(*shape, color=str(0.22 * index), linestyle=DASHES[index], label=name)
     ax.set(xlabel="east error (km)", ylabel="north error (km)", aspect="equal")
-    ax.margins(y=0.25)
+    ax.margins(y=0.4)
     ax.legend(loc="upper left")
     return fig
 

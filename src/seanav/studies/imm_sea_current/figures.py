@@ -120,7 +120,8 @@ def tcep_and_rate(
     right.axhline(100, color="k", lw=0.8)
     right.axhline(90, color="0.6", lw=0.8, ls=":")
     right.set(xlabel=SIGMA, ylabel="TCEP rate (%)", title="(b)")
-    left.legend(fontsize=8)
+    handles, labels = left.get_legend_handles_labels()
+    fig.legend(handles, labels, loc="outside lower center", ncols=4)
     return fig
 
 
@@ -149,7 +150,7 @@ def rates(flown: Flown, panels: dict) -> Figure:
             plots.band(axis, flown.grid, flown.rates(name), name, **look)
         axis.axhline(90, color="0.6", lw=0.8, ls=":")
         axis.set(xlabel=SIGMA, ylabel="TCEP rate (%)", title=title)
-        plots.legend(axis)
+        plots.legend(axis, loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
     return fig
 
 

@@ -142,7 +142,7 @@ def water(sea: tidal.Sea, flown: Mapping[str, ins.Flight]) -> Figure:
             time = np.linspace(hours[-1] / len(curve), hours[-1], len(curve))
             plots.band(axes[2], time, curve, name, **figures.style(name))
     axes[2].set(xlabel="time (h)", ylabel="mode probability $\\mu_1$", ylim=(0, 1))
-    axes[2].legend(fontsize="x-small")
+    plots.legend(axes[2], loc="upper center", bbox_to_anchor=(0.5, -0.2))
     return fig
 
 
@@ -158,8 +158,7 @@ def models(exact: Mapping[tidal.Belief, float]) -> Figure:
         sigma = [one.sigma for one in those]
         axis.plot(sigma, [exact[one] for one in those], label=label, **look)
     axis.set(xlabel="belief of the Markov part (m/s)", ylabel="TCEP (m)", ylim=(0, None))
-    if lines:
-        axis.legend(ncols=2, fontsize="x-small")
+    plots.legend(axis, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.15))
     return fig
 
 

@@ -257,5 +257,6 @@ def own_sde(own: Own, truth: Truth, track: Track, free: Track) -> Figure:
         ax.plot(truth.times, truth.x[0, :, i], label="true", **TRUE)
         ax.set(ylabel=f"{own.names[i]} ({own.units[i]})" if own.units[i] else own.names[i])
     axes[-1, 0].set(xlabel="time")
-    axes[0, 0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1.0))
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    fig.legend(handles, labels, ncols=3, loc="outside upper left")
     return fig

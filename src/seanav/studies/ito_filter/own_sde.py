@@ -124,7 +124,7 @@ def read(scenario: Scenario) -> Own:
     text = opened("sde_file", path, MOST_BYTES) if path else BUILT_IN
     try:
         content = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # also of an integer of thousands of digits
         raise _refused(source, f"must be TOML: {' '.join(str(error).split())}") from None
     try:
         return _understood(scenario, source, content)
@@ -167,6 +167,9 @@ def _understood(scenario, source, content):
     units = content.get("units", {})
     if not isinstance(units, dict) or not all(isinstance(x, str) for x in units.values()):
         raise ParameterError("units", units, "must be a table of texts")
+    for state, unit in units.items():
+        if "$" in unit or not unit.isprintable():  # Matplotlib would set a formula
+            raise ParameterError(f"units.{state}", unit, "must be plain text of one line without $")
     _demand_keys("units", units, names, ())
     return Own(
         source, model, np.array(parameters), np.array(mean), np.diag(variance), h, R, **times,
@@ -274,6 +277,10 @@ def measure(scenario: Scenario, own: Own, truth: run.Truth) -> np.ndarray:
     noise = montecarlo.normals(scenario.seed, "own measurement", runs, tuple(shape))
     z = z + noise @ np.sqrt(own.R)
     z[truth.lost] = 0.0  # a filter takes no NaN
+    for j, formula in enumerate(own.h):
+        if not np.isfinite(z[..., j]).all():
+            allowed = f"measurement.h: {formula!r} must be finite in every state that is simulated"
+            raise _refused(own.source, allowed)
     return z
 
 
