@@ -136,7 +136,7 @@ lockcheck: .venv ## the lock: exact, hashed, one numerics stack, what pyproject.
 lock: .venv ## resolve requirements.lock anew from pyproject.toml, for all platforms
 	mkdir -p build
 	command -v uv >/dev/null || $(BIN)/python -I src/seanav/environment.py build/uv uv
-	PATH="$$PATH:build/uv/bin"; uv pip compile pyproject.toml --extra test --extra book \
+	PATH="$$PATH:build/uv/bin"; uv pip compile pyproject.toml --extra test --extra book --extra cluster \
 	  --universal --python-version 3.11 --generate-hashes --only-binary :all: \
 	  --no-header --no-annotate --no-emit-index-url --upgrade -o build/requirements.lock
 	PATH="$$PATH:build/uv/bin"; export MACOSX_DEPLOYMENT_TARGET=14.0; \

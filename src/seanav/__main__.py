@@ -65,6 +65,8 @@ def _parser():
     claims.add_argument("--verdict", **several, choices=VERDICTS, help="only these")
     confirm = command(_confirm, "judge all claims again with another seed")
     confirm.add_argument("--seed", action=_Once, type=int, required=True)
+    new = command(_new, "lay out notebook, study and tests of a new paper")
+    new.add_argument("stem", help="its number and name, such as 6_wave_filter")
     for of_papers in (run, store, cells, claims, confirm):
         of_papers.add_argument("--paper", **several, help="numbers or names; default: all")
     return parser
@@ -128,6 +130,14 @@ def _cells(root, given):
         scenario = importlib.import_module(f"seanav.studies.{name}.scenario").Scenario
         if runner.declare(root, stem, scenario.cell()):
             print(f"notebooks/{stem}.ipynb: new parameters cell")
+    return 0
+
+
+def _new(root, given):
+    for path in runner.new(root, given.stem):
+        print(path.relative_to(root))
+    importlib.invalidate_caches()
+    _cells(root, argparse.Namespace(paper=[given.stem]))
     return 0
 
 

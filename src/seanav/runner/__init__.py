@@ -12,6 +12,7 @@ from seanav.runner.checkout import (
     parameters_cell,
 )
 from seanav.runner.confirm import confirm
+from seanav.runner.new import new
 from seanav.runner.publish import dependencies, imports, mend, publish, readme, store
 from seanav.runner.run import defaults, overrides, parameters, run, teach
 from seanav.runner.summary import listed
@@ -29,6 +30,7 @@ __all__ = [
     "listed",
     "manifest",
     "mend",
+    "new",
     "notebook",
     "overrides",
     "papers",
