@@ -72,11 +72,11 @@ export JUPYTER_RUNTIME_DIR := $(CURDIR)/build/home/jupyter/runtime
 BIN := .venv/bin
 SEANAV := $(BIN)/python -m seanav
 
-.PHONY: help figures notebooks confirm test soak lint format lock lockcheck bench lab book clean .venv FORCE
+.PHONY: help figures notebooks confirm test soak mutants lint format lock lockcheck bench bench-peers lab book clean .venv FORCE
 
 help: ## list the targets
 	@echo "make TARGET [PYTHON=python3.12]"
-	@awk '/^[a-z.]+:.*## / { name = $$1; sub(/:.*/, "", name); sub(/.*## /, ""); \
+	@awk '/^[a-z.-]+:.*## / { name = $$1; sub(/:.*/, "", name); sub(/.*## /, ""); \
 	  printf "  %-12s%s\n", name, $$0 }' Makefile
 
 ifneq ($(strip $(FAST)$(value PARAMS)),)
@@ -149,8 +149,19 @@ lock: .venv ## resolve requirements.lock anew from pyproject.toml, for all platf
 	done
 	mv build/requirements.lock requirements.lock
 
-bench: .venv ## time the kernels against the targets
+mutants: .venv ## break 400 signs, numbers and comparisons one by one: does a test notice? Over an hour
+	$(BIN)/python tests/soak/mutants.py 400
+
+bench: .venv ## time the studies against their targets, the kernels in benchmarks/RESULTS.md
 	@for file in $(sort $(wildcard benchmarks/bench_*.py)); do $(BIN)/python $$file || exit 1; done
+	@PYTHONPATH=src $(firstword $(wildcard build/peers/bin/python) $(BIN)/python) benchmarks/compare.py
+
+bench-peers: build/peers/.built ## benchmarks/RESULTS.md with all libraries that do the same work
+	@PYTHONPATH=src build/peers/bin/python benchmarks/compare.py
+
+build/peers/.built: benchmarks/peers.lock | .venv
+	$(BIN)/python -I src/seanav/environment.py build/peers --require-hashes -r benchmarks/peers.lock
+	@touch $@
 
 lab: .venv ## JupyterLab on the notebooks, with the kernel of .venv
 	$(BIN)/python -m jupyterlab $(if $(filter 0,$(shell id -u)),--allow-root) notebooks

@@ -67,9 +67,11 @@ def lay_out(laid: Path) -> None:
         nbformat.write(handout(stem), files / "downloads" / f"{stem}_handout.ipynb")
         if (ROOT / "paper_figures" / stem).exists():
             shutil.copytree(ROOT / "paper_figures" / stem, files / stem)
-    for name in ("claims.png", "REPORT.md"):
-        if (ROOT / "paper_figures" / name).exists():
-            shutil.copy(ROOT / "paper_figures" / name, laid)
+    for name in ("paper_figures/claims.png", "paper_figures/REPORT.md"):
+        if (ROOT / name).exists():
+            shutil.copy(ROOT / name, laid)
+    for path in (ROOT / "benchmarks").glob("[A-Z]*"):  # tables that pages include
+        shutil.copy(path, files)
     (laid / "api.md").write_text(reference(), encoding="utf-8")
     for page in laid.glob("*.md"):
         text = relink(page.read_text(encoding="utf-8"), shown)

@@ -184,6 +184,20 @@ def test_no_test_is_skipped_or_expected_to_fail():
             assert not word.search(text), path
 
 
+def test_all_files_name_the_same_version():
+    found = {
+        name: re.search(pattern, (ROOT / name).read_text(encoding="utf-8"), re.M).group(1)
+        for name, pattern in {
+            "pyproject.toml": r'^version = "(.+)"$',
+            "src/seanav/__init__.py": r'^__version__ = "(.+)"$',
+            "CITATION.cff": r"^version: (.+)$",
+            "codemeta.json": r'"version": "(.+)"',
+            "CHANGELOG.md": r"^## ([0-9.]+)",
+        }.items()
+    }
+    assert len(set(found.values())) == 1, found
+
+
 # ---------------------------------------------------------------- notebooks
 
 
@@ -338,7 +352,7 @@ def test_benchmarks_find_what_they_time(path, monkeypatch):
 def test_make_help_lists_every_target():
     text = (ROOT / "Makefile").read_text(encoding="utf-8")
     phony = re.search(r"^\.PHONY: (.*)$", text, re.M).group(1).split()
-    listed = re.findall(r"^([a-z.]+):.*## ", text, re.M)
+    listed = re.findall(r"^([a-z.-]+):.*## ", text, re.M)
     assert set(phony) - {"FORCE"} == set(listed)
 
 

@@ -29,4 +29,4 @@ Imports
     `seanav.report` and `seanav.checks` know no paper.
 """
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"

@@ -108,10 +108,13 @@ class Flight(NamedTuple):
         """Return the first `count` runs."""
         return _each_array(lambda array: array[..., :count], self)
 
+    def without_series(self) -> "Flight":
+        """Return the flight with the means of its records only: the series fill the memory."""
+        return self._replace(series=Series(*(part[:0].copy() for part in self.series)))
+
     def unrecorded(self) -> "Flight":
         """Return the flight as it is with a stride of zero: without series and NEES."""
-        series = Series(*(part[:0] for part in self.series))
-        return self._replace(series=series, nees=np.zeros_like(self.nees))
+        return self.without_series()._replace(nees=np.zeros_like(self.nees))
 
     @classmethod
     def join(cls, flights: "list[Flight]") -> "Flight":

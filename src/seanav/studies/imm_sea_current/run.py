@@ -307,6 +307,7 @@ def fly_all(
     jobs: list,
     *,
     stride: int = 0,
+    series: bool = True,
     first: int = 0,
     threads: int | None = None,
     label: str | None = None,
@@ -318,6 +319,8 @@ def fly_all(
     jobs : list of (Filter, sigma_true)
     stride : int
         As in `fly`.
+    series : bool
+        False: of the records only their means are kept, so that memory does not fill.
     first : int
         Batches of `LANES` runs that are left out, because they were flown before.
 
@@ -333,7 +336,7 @@ def fly_all(
     count = min(SHARES if batches <= KEPT else 1, len(jobs))
     shares = [range(len(jobs))[k::count] for k in range(count)]
     tasks = [(share, batch) for share in shares for batch in range(first, batches)]
-    one = partial(_share, scenario, jobs, stride)
+    one = partial(_share, scenario, jobs, stride, series)
     done = montecarlo.parallel_map(one, tasks, threads=threads, label=label)
     found = [[] for _ in jobs]
     for (share, _), flights in zip(tasks, done, strict=True):
@@ -342,11 +345,13 @@ def fly_all(
     return [ins.Flight.join(flights) for flights in found]
 
 
-def _share(scenario, jobs, stride, task):
+def _share(scenario, jobs, stride, series, task):
     share, batch = task
     sensors = sense(scenario, batch)
     flights = [fly(scenario, sensors, *jobs[k], stride=stride) for k in share]
-    return [flight._replace(P=flight.P[:, :0]) for flight in flights]
+    # Copies: a view would keep what it is cut from.
+    flights = [flight._replace(P=flight.P[:, :0].copy()) for flight in flights]
+    return flights if series else [flight.without_series() for flight in flights]
 
 
 def sweep(
@@ -387,7 +392,8 @@ def sweep(
         results, jobs = {}, [(PURE, grid[0])]
         for sigma in grid:
             jobs += [(optimal(sigma), sigma), *((one, sigma) for one in filters)]
-    for (filter_, _), mission in zip(jobs, fly_all(scenario, jobs, **options), strict=True):
+    flights = fly_all(scenario, jobs, series=False, **options)
+    for (filter_, _), mission in zip(jobs, flights, strict=True):
         results.setdefault(filter_.name, []).append(mission)
     if known is None:
         results[PURE.name] *= len(grid)
