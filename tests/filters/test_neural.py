@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
+from scipy import stats
 from scipy.special import expit
 from sklearn.neural_network import MLPRegressor
 
@@ -28,6 +29,14 @@ def pairs(runs=4, count=20, seed=4):
 
 
 # ---------------------------------------------------------------- numerical filters
+
+
+def test_random_weights_are_uniform_around_zero():
+    network = neural.random_network(montecarlo.streams(3, "weights", 50), 100, 0.2)
+    drawn = np.concatenate([part.ravel() for part in (network.hidden, network.output)])
+    assert np.abs(drawn).max() <= 0.2
+    assert abs(drawn.mean()) < 4 * 0.2 / np.sqrt(3 * len(drawn))
+    assert stats.kstest(drawn, "uniform", args=(-0.2, 0.4)).pvalue > 1e-3
 
 
 def test_no_weight_on_the_measurement_is_the_kalman_filter_bit_for_bit(z):

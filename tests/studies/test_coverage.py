@@ -101,6 +101,11 @@ def pairs_won(rng):
     return neural.won(a, b)
 
 
+def two_draws(rng):
+    """Return results of two draws of the weights: variance 1 of the runs, 0.25 of the weights."""
+    return rng.standard_normal(RUNS) + 0.5 * rng.standard_normal((2, RUNS))
+
+
 def correlated(rng):
     return rng.multivariate_normal([0, 0], [[1, 0.6], [0.6, 1]], RUNS).T
 
@@ -160,6 +165,7 @@ PAIRED = {
     "1, against prediction only": (lambda rng: ito_pair(rng).against_open_loop(), 0.4),
     "1, a component": (lambda rng: ito_pair(rng).over_open_loop(2), 0.4),
     "2, share of runs won": (pairs_won, 0.5),
+    "2, share of the weights": (lambda rng: neural.weights_share(*two_draws(rng)), 0.2),
 }  # fmt: skip
 
 
