@@ -296,12 +296,26 @@ def test_scikit_learns_network_finds_the_same_constant():
     scenario = attrs.evolve(SMALL, hidden=10, max_epochs=150)
     z = run.measure(scenario, run.course(scenario, "steady"))
     teacher = run.numerical(scenario, z)
-    other = run.scikit_learn(scenario, z, teacher)
+    other, _ = run.scikit_learn(scenario, z, teacher)
     by_parameter = attrs.evolve(scenario, learner="MLPRegressor")
     np.testing.assert_array_equal(run.examine(by_parameter, z, teacher, []), other)
     mean = teacher[:, 20:40].mean(axis=1, keepdims=True)
     # Its best answer is a little better than the mean of the lesson, and near it.
     assert np.abs(other[:, 40:].mean(axis=1) - mean[:, 0]).max() < 0.15
+
+
+def test_scikit_learns_network_goes_on_where_its_tolerance_sees_the_noise():
+    scenario = attrs.evolve(SMALL, hidden=10, max_epochs=150)
+    z = run.measure(scenario, run.course(scenario, "steady"))
+    teacher = run.numerical(scenario, z)
+    coarse, short = run.scikit_learn(scenario, z, teacher)
+    fine, long = run.scikit_learn(scenario, z, teacher, scenario.noise)
+    assert short.max() < 10 < long.min()
+    assert np.array_equal(fine[:, :40], teacher[:, :40])
+    # A closer fit of the lesson's noise is a worse answer to new noise.
+    truth = run.course(scenario, "steady")
+    worse = [((one[:, 40:] - truth[40:]) ** 2).mean() for one in (coarse, fine)]
+    assert worse[0] < worse[1]
 
 
 # ---------------------------------------------------------------- scores

@@ -57,8 +57,8 @@ CLAIMS = (
         quote="The closed-form exact observability matrix for the non-linear time-invariant case "
         "is formidable. … an open problem",
         section="Conclusion",
-        reading="No observability matrix of the noise-free body can be written down exactly, of "
-        "neither measurement set.",
+        reading="The observability matrix of the noise-free body cannot be written down exactly, "
+        "for either measurement set.",
         shown=("table_observability",),
     ),
     Claim(

@@ -321,8 +321,11 @@ def rows(own: Own, truth: run.Truth, tracks: dict[str, Track]) -> list[tuple]:
     return listed
 
 
-def told(own: Own, listed: list[tuple]) -> list[str]:
+def told(own: Own, truth: run.Truth, listed: list[tuple]) -> list[str]:
     """Say for each state how good the closures are, and what measuring is worth."""
+    if truth.lost.any():
+        many = f"{truth.lost.sum()} of {len(truth.x)}"
+        return [f"the system itself left all bounds in {many} runs: no filter has an RMSE"]
     lines = []
     for state, unit in zip(own.names, own.units, strict=True):
         found = {row[0]: row[3] for row in listed if row[1] == state and row[3] != "diverged"}

@@ -236,9 +236,15 @@ def body_origins() -> list[tuple]:
             sphere.mass,
             "kg",
             "recalled",
-            f"{odin}; half its water, 0.64 m, is 70.3 kg",
+            f"{odin}; half the water that a ball of 0.64 m displaces is 70.3 kg",
         ),
-        ("sphere inertia", sphere.inertia, "kg m²", "recalled", f"{odin}; 0.4 m r² is 5.18"),
+        (
+            "sphere inertia",
+            sphere.inertia,
+            "kg m²",
+            "recalled",
+            f"{odin}; 0.4 m r² of the dry mass is 5.17",
+        ),
         ("sphere linear drag", sphere.linear, drags[0], "recalled", odin),
         ("sphere cubic drag", sphere.cubic, drags[1], "recalled", odin),
         *(

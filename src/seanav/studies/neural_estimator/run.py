@@ -219,7 +219,7 @@ def examine(
     """
     choice("variant", variant, VARIANTS)
     if scenario.learner == "MLPRegressor" and variant == "frozen":
-        return scikit_learn(scenario, z, teacher)
+        return scikit_learn(scenario, z, teacher)[0]
 
     def one(item):
         part, teaching = item
@@ -264,10 +264,13 @@ def _examine(scenario, z, teacher, network, variant):
     return np.moveaxis(result, -1, 0)
 
 
-def scikit_learn(scenario: Scenario, z: np.ndarray, teacher: np.ndarray) -> np.ndarray:
-    """Return the frozen estimates of scikit-learn's MLPRegressor, an independent network.
+def scikit_learn(
+    scenario: Scenario, z: np.ndarray, teacher: np.ndarray, unit: float | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the frozen estimates of scikit-learn's MLPRegressor, and its iterations (runs,).
 
-    Same hidden layer and lesson; linear outputs, quasi-Newton teaching. Needs
+    Same hidden layer and lesson; linear outputs, quasi-Newton teaching. The pairs are scaled as
+    those of the network, or with a `unit` (m/s) measured in it from the lesson's mean. Needs
     scikit-learn, which is not among the package's own requirements.
     """
     from sklearn.exceptions import ConvergenceWarning
@@ -275,22 +278,22 @@ def scikit_learn(scenario: Scenario, z: np.ndarray, teacher: np.ndarray) -> np.n
 
     lesson, first = slice(scenario.settle, scenario.examination), scenario.examination
     asked = z if scenario.examination_input == "measurement" else teacher
-    result = np.array(teacher)
+    result, iterations = np.array(teacher), np.empty(len(z))
     with warnings.catch_warnings():
         # The cap on its iterations is a stop like any other.
         warnings.simplefilter("ignore", ConvergenceWarning)
         for run in range(len(z)):
+            middle = teacher[run, lesson].mean(axis=0)
+            to, back = neural.scale, neural.unscale
+            if unit is not None:
+                to, back = (lambda x, m=middle: (x - m) / unit), (lambda x, m=middle: m + unit * x)
             network = MLPRegressor(
-                hidden_layer_sizes=(scenario.hidden,),
-                activation="logistic",
-                solver="lbfgs",
-                alpha=0.0,
-                max_iter=scenario.max_epochs,
-                random_state=run,
-            ).fit(neural.scale(z[run, lesson]), neural.scale(teacher[run, lesson]))
-            answers = network.predict(neural.scale(asked[run, first:]))
-            result[run, first:] = neural.unscale(answers)
-    return result
+                hidden_layer_sizes=(scenario.hidden,), activation="logistic", solver="lbfgs",
+                alpha=0.0, max_iter=scenario.max_epochs, random_state=run,
+            ).fit(to(z[run, lesson]), to(teacher[run, lesson]))  # fmt: skip
+            iterations[run] = network.n_iter_
+            result[run, first:] = back(network.predict(to(asked[run, first:])))
+    return result, iterations
 
 
 @dataclass(frozen=True, eq=False)
