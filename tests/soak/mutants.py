@@ -18,6 +18,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 from queue import Queue
 
@@ -99,6 +100,20 @@ def broken(source, number):
     return ast.unparse(tree), node.lineno, f"{before}  ->  {ast.unparse(node)}"
 
 
+@cache
+def imported():
+    """Return {test file: what it imports}."""
+    found = {}
+    for test in sorted((ROOT / "tests").rglob("test_*.py")):
+        known = found[test] = set()
+        for node in ast.walk(ast.parse(test.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                known |= {node.module, *(f"{node.module}.{a.name}" for a in node.names)}
+            elif isinstance(node, ast.Import):
+                known |= {alias.name for alias in node.names}
+    return found
+
+
 def tests_of(path):
     """Return the test files that import the module at `path` or its room, the nearest first."""
     name = ".".join(("seanav", *path.relative_to(PACKAGE).with_suffix("").parts))
@@ -106,16 +121,8 @@ def tests_of(path):
     room = name.rpartition(".")[0]
     rooms = [name] + ([room] if room.count(".") > 1 else [])
     near = []
-    for test in sorted((ROOT / "tests").rglob("test_*.py")):
-        if test.stem in SLOW:
-            continue
-        known = set()
-        for node in ast.walk(ast.parse(test.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module:
-                known |= {node.module, *(f"{node.module}.{a.name}" for a in node.names)}
-            elif isinstance(node, ast.Import):
-                known |= {alias.name for alias in node.names}
-        if known.intersection(rooms):
+    for test, known in imported().items():
+        if test.stem not in SLOW and known.intersection(rooms):
             alike = path.stem in test.stem or test.stem.removeprefix("test_") in path.stem
             near.append((not alike, name not in known, test.relative_to(ROOT)))
     return [test for *_, test in sorted(near)]
