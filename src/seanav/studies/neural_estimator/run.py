@@ -284,16 +284,19 @@ def scikit_learn(
         warnings.simplefilter("ignore", ConvergenceWarning)
         for run in range(len(z)):
             middle = teacher[run, lesson].mean(axis=0)
-            to, back = neural.scale, neural.unscale
-            if unit is not None:
-                to, back = (lambda x, m=middle: (x - m) / unit), (lambda x, m=middle: m + unit * x)
             network = MLPRegressor(
                 hidden_layer_sizes=(scenario.hidden,), activation="logistic", solver="lbfgs",
                 alpha=0.0, max_iter=scenario.max_epochs, random_state=run,
-            ).fit(to(z[run, lesson]), to(teacher[run, lesson]))  # fmt: skip
+            ).fit(*(_scaled(x[run, lesson], middle, unit) for x in (z, teacher)))  # fmt: skip
             iterations[run] = network.n_iter_
-            result[run, first:] = back(network.predict(to(asked[run, first:])))
+            answers = network.predict(_scaled(asked[run, first:], middle, unit))
+            own = neural.unscale(answers) if unit is None else middle + unit * answers
+            result[run, first:] = own
     return result, iterations
+
+
+def _scaled(x, middle, unit):
+    return neural.scale(x) if unit is None else (x - middle) / unit
 
 
 @dataclass(frozen=True, eq=False)
