@@ -21,6 +21,12 @@ def test_interaction_by_hand():
     assert weights[1, :, 0] == pytest.approx([0.06 / 0.34, 0.28 / 0.34])
 
 
+def test_a_model_that_cannot_be_entered_keeps_its_own_estimate():
+    predicted, weights = imm.interact([[1.0, 0.0], [1.0, 0.0]], [[0.6], [0.4]])
+    assert predicted[:, 0].tolist() == [1.0, 0.0]
+    assert weights[:, :, 0].tolist() == [[0.6, 0.4], [0.0, 1.0]]
+
+
 @settings(deadline=None)  # the first example waits for the compiler
 @given(
     st.integers(2, 4).flatmap(

@@ -152,6 +152,7 @@ def two_hours():
     q = np.array([math.cos(heading[0] / 2), 0.0, 0.0, math.sin(heading[0] / 2)])
     position = np.array([latitude[0], longitude[0], 0.0])
     track = inertial.mechanise(position, v_n[0], q, theta, dv, 0.01)
+    assert track.shape == (len(theta) + 1, 8)
     slow_theta, slow_dv = inertial.preintegrate(rotation, velocity, 100)
     slow = inertial.mechanise(position, v_n[0], q, slow_theta, slow_dv, 1.0)
     return theirs, track, slow, path
@@ -218,6 +219,41 @@ def test_trajectory_truth_is_consistent():
         for L, v in zip(latitude[:-1], v_n[:-1], strict=True)
     ]
     assert down - sum(rates) == pytest.approx(-2 * math.pi, abs=1e-5)
+
+
+def test_the_force_felt_is_that_of_the_motion_around_the_turning_earth():
+    """From positions alone: fixed to the earth, differentiated twice, less gravity."""
+    a, e2 = 6378137.0, 6.69437999014e-3
+    dt, speed, turn = 0.5, 30.0, 2e-3
+    latitude, longitude = np.full(5, 0.6), np.full(5, 0.3)
+    for step, k in ((dt / 50, 2), (-dt / 50, 2)):  # by small steps to both sides of the middle
+        L, lo, h = 0.6, 0.3, 0.7
+        for n in range(1, 101):
+            half = h + 0.5 * turn * step
+            R_n, R_t = earth.radii(L)
+            L += step * speed * math.cos(half) / R_n
+            lo += step * speed * math.sin(half) / (R_t * math.cos(L))
+            h += turn * step
+            if n % 50 == 0:
+                at = k + (1 if step > 0 else -1) * n // 50
+                latitude[at], longitude[at] = L, lo
+    w = a / np.sqrt(1 - e2 * np.sin(latitude) ** 2)
+    r = np.stack([
+        w * np.cos(latitude) * np.cos(longitude),
+        w * np.cos(latitude) * np.sin(longitude),
+        w * (1 - e2) * np.sin(latitude),
+    ])  # fmt: skip
+    velocity = (-r[:, 4] + 8 * r[:, 3] - 8 * r[:, 1] + r[:, 0]) / (12 * dt)
+    second = (-r[:, 4] + 16 * r[:, 3] - 30 * r[:, 2] + 16 * r[:, 1] - r[:, 0]) / (12 * dt**2)
+    force = second + 2 * np.cross([0, 0, earth.RATE], velocity)
+    s, c, sl, cl = np.sin(0.6), np.cos(0.6), np.sin(0.3), np.cos(0.3)
+    C_ne = np.array([[-s * cl, -s * sl, c], [-sl, cl, 0], [-c * cl, -c * sl, -s]])
+    f_n = C_ne @ force - [0, 0, earth.gravity(0.6, 0.0)]
+    ch, sh = np.cos(0.7), np.sin(0.7)
+    expected = [ch * f_n[0] + sh * f_n[1], -sh * f_n[0] + ch * f_n[1], f_n[2]]
+    one = [np.array([x]) for x in (0.6, 0.7, turn)]
+    _, f_b = trajectories._felt(*one, speed)
+    assert f_b[0] == pytest.approx(expected, abs=2e-6)
 
 
 @pytest.mark.parametrize("shape", trajectories.SHAPES)

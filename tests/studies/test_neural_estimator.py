@@ -473,6 +473,73 @@ def test_slope_is_the_derivative_of_the_network(lesson):
     np.testing.assert_allclose(moved[0] / 1e-3, fine[:, 0], rtol=1e-2, atol=1e-5)
 
 
+class Counted:
+    """A number that counts what is done with it."""
+
+    done = 0
+
+    def _with(self, other):
+        Counted.done += 1
+        return Counted()
+
+    __add__ = __radd__ = __sub__ = __mul__ = __rmul__ = __truediv__ = _with
+
+
+def counted(function):
+    Counted.done = 0
+    function()
+    return Counted.done
+
+
+def product(A, B):
+    return [
+        [sum_of([a * b for a, b in zip(r, c, strict=True)]) for c in zip(*B, strict=True)]
+        for r in A
+    ]
+
+
+def sum_of(numbers):
+    total = numbers[0]
+    for number in numbers[1:]:
+        total = total + number
+    return total
+
+
+def test_operations_are_those_of_a_filter_and_a_network_that_count_them():
+    def matrix(columns=2):
+        return [[Counted() for _ in range(columns)] for _ in range(2)]
+
+    def combined(A, B):
+        return [[a + b for a, b in zip(r, t, strict=True)] for r, t in zip(A, B, strict=True)]
+
+    def kalman_filter():
+        F, P, Q, G, R, x, z = *(matrix() for _ in range(5)), matrix(1), matrix(1)
+        x, P = product(F, x), combined(product(product(F, P), F), Q)
+        PG = product(P, G)
+        S = combined(product(G, PG), R)
+        (a, b), (c, d) = S
+        over = a * d - b * c
+        inverse = [[d / over, b / over], [c / over, a / over]]
+        Counted.done += 1  # a sign of b and c, counted as one operation
+        K = product(PG, inverse)
+        innovation = combined(z, product(G, x))
+        x = combined(x, product(K, innovation))
+        return x, combined(P, product(product(K, G), P))
+
+    def network(hidden, logistic=24):
+        x, signals = [Counted(), Counted()], []
+        for _ in range(hidden):
+            signals.append(sum_of([Counted() * part for part in x]) + Counted())
+            Counted.done += logistic
+        for _ in range(2):
+            sum_of([Counted() * signal for signal in signals] + [Counted()])
+            Counted.done += logistic
+
+    count = scores.operations(100, 20, 500, 160)
+    assert count["network"] == counted(lambda: network(100)) == 3248
+    assert count["Kalman filter, matrices"] == counted(kalman_filter) == 126
+
+
 def test_operations_grow_with_the_hidden_layer():
     small, large = (scores.operations(H, 20, 500, 160) for H in (20, 200))
     assert small["network"] < large["network"]
