@@ -1,5 +1,7 @@
 """The study of paper 3: its scenario, simulation, scores and refusals."""
 
+import itertools
+
 import attrs
 import numpy as np
 import pytest
@@ -415,3 +417,33 @@ def test_the_drawn_axes_are_right_handed():
     assert near[2] < 0  # the eye is above, down points away from it
     out = np.cross([*flat[0], near[0]], [*flat[1], near[1]])
     np.testing.assert_allclose(out, [*flat[2], near[2]], atol=1e-12)
+
+
+@pytest.mark.parametrize(("n", "m"), [(3, 3), (4, 2), (5, 1)])
+def test_multiplications_are_those_of_the_loops(n, m):
+    N, M = range(n), range(m)
+
+    def loops(*ranges):
+        return sum(1 for _ in itertools.product(*ranges))
+
+    upper_n, upper_m = (
+        [(i, j) for i in N for j in N if j >= i],
+        [(i, j) for i in M for j in M if j >= i],
+    )
+    factor = sum(1 for i in M for j in range(i + 1) for _ in range(j + 1))  # roots, divisions too
+    statistic = len(upper_m) + m  # a triangle solved, and squares
+    plain = loops(N, N) + loops(N, N, N) + loops(upper_n, N)  # Φx, ΦP, half of (ΦP)Φᵀ
+    plain += loops(M, N) + loops(N, N, M) + loops(upper_m, N)  # Hx, PHᵀ, half of H(PHᵀ)
+    plain += factor + statistic
+    plain += loops(N, upper_m) * 2 + loops(N, M)  # two triangles for each row of K; K times Δ
+    plain += loops(N, N, M) + loops(N, N, N)  # KH, (I − KH)P
+    plain += loops(upper_n, N) + loops(upper_n, M, M)  # Joseph's two products
+    assert scores.operations(n, m) == plain
+    sample = 5 * len(upper_m)
+    assert scores.operations(n, m, "innovation", 5) == (
+        plain + sample + loops(N, M, M) + loops(N, N, M)  # KC, (KC)Kᵀ
+    )
+    again = 2 * (loops(N, N, M) + loops(upper_m, N)) + factor + statistic + sample
+    inflated = n * (n + 1)
+    assert scores.operations(n, m, "single", 5) == plain + again + m + inflated
+    assert scores.operations(n, m, "multiple", 5) == plain + again + loops(N, M, M) + inflated

@@ -635,6 +635,55 @@ def test_a_first_stage_without_a_step_is_no_phase():
     assert scores.score_rows(done, ["teacher"])
 
 
+class Late:
+    """A number that knows how many operations, one after the other, led to it."""
+
+    def __init__(self, step=0):
+        self.step = step
+
+    def _with(self, other):
+        return Late(1 + max(self.step, other.step))
+
+    __add__ = __sub__ = __mul__ = __truediv__ = _with
+
+
+def halves(numbers):
+    """Add by halves: the shortest chain."""
+    if len(numbers) == 1:
+        return numbers[0]
+    middle = len(numbers) // 2
+    return halves(numbers[:middle]) + halves(numbers[middle:])
+
+
+@pytest.mark.parametrize("hidden", [1, 7, 8, 100])
+def test_parallel_steps_are_those_of_a_program_that_knows_when_a_number_is_there(hidden):
+    def matrix(columns=2):
+        return [[Late() for _ in range(columns)] for _ in range(2)]
+
+    def combined(A, B):
+        return [[a + b for a, b in zip(r, t, strict=True)] for r, t in zip(A, B, strict=True)]
+
+    def last(A):
+        return max(number.step for row in A for number in row)
+
+    F, P, Q, G, R = (matrix() for _ in range(5))
+    x, z = matrix(1), matrix(1)
+    P = combined(product(product(F, P), F), Q)
+    S = combined(product(product(G, P), G), R)
+    (a, b), (c, d) = S
+    over = a * d - b * c
+    K = product(product(P, G), [[d / over, b / over], [c / over, a / over]])
+    innovation = combined(z, product(G, product(F, x)))
+    steps = scores.parallel_steps(hidden)
+    assert steps["Kalman filter, matrices"] == last(combined(x, product(K, innovation)))
+    constant = combined(product(F, x), product(matrix(), innovation))
+    assert steps["filter at constant gain"] == last(constant)
+    neuron = halves([Late() * Late(), Late() * Late(), Late()]).step + 24
+    answer = halves([Late(neuron) * Late() for _ in range(hidden)] + [Late(neuron + 1)]).step + 24
+    assert steps["network, logistic computed"] == answer
+    assert steps["network, logistic looked up"] == answer - 46
+
+
 def test_parallel_steps_grow_as_the_logarithm_of_the_hidden_layer():
     small, large = (scores.parallel_steps(H) for H in (15, 255))
     for name in ("network, logistic computed", "network, logistic looked up"):
