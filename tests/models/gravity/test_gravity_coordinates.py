@@ -17,6 +17,7 @@ from gravity_grids import (
 from rasterio.transform import Affine
 from rasterio.warp import transform
 
+from seanav.models.gravity import grids
 from seanav.models.gravity.files import centre, from_file
 
 LATITUDE, LONGITUDE = regional_axes()
@@ -353,3 +354,19 @@ def test_grid_that_is_too_small_has_no_middle_to_offer(tmp_path):
     path = write_netcdf(tmp_path / "a.nc", LATITUDE[:9], LONGITUDE[:9], values)
     refused(path, "it is too small for the map$")
     assert centre(path, *HERE) == HERE
+
+
+@pytest.mark.parametrize(
+    ("axis", "ends"),
+    [
+        (np.arange(170.0, 191.0), (170.0, 190.0)),
+        (np.r_[170.0:180.0, -180.0:-169.0], (170.0, 190.0)),
+        (np.arange(-20.0, 21.0), (340.0, 380.0)),
+        (np.arange(30.0, 10.0, -1.0), (11.0, 30.0)),
+        (np.array([359.0, 0.0, 1.0, 2.0]), (359.0, 362.0)),
+        (np.arange(0.0, 360.0, 2.0), (0.0, 358.0)),  # all the way round
+    ],
+)
+def test_an_axis_around_the_earth_begins_after_its_widest_gap(axis, ends):
+    assert grids._ends(axis, 360.0) == pytest.approx(ends)
+    assert grids._ends(axis, np.inf) == (axis.min(), axis.max())
