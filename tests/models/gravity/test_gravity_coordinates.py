@@ -370,3 +370,32 @@ def test_grid_that_is_too_small_has_no_middle_to_offer(tmp_path):
 def test_an_axis_around_the_earth_begins_after_its_widest_gap(axis, ends):
     assert grids._ends(axis, 360.0) == pytest.approx(ends)
     assert grids._ends(axis, np.inf) == (axis.min(), axis.max())
+
+
+def test_near_counts_by_the_nearest_turn():
+    x = np.array([-190.0, -10.0, 0.0, 170.0, 349.0, 351.0, 725.0])
+    found = grids.near(x, 350.0, 360.0)
+    assert np.all(np.abs(found) <= 180.0)
+    assert np.allclose((x - 350.0 - found) % 360.0 % 360.0, 0.0)
+    assert found.tolist() == [180.0 - 360.0, 0.0, 10.0, -180.0, -1.0, 1.0, 15.0]
+    assert grids.near(x, 350.0, np.inf).tolist() == (x - 350.0).tolist()
+
+
+@pytest.mark.parametrize("margin", [0, 1, 2, 50])
+@pytest.mark.parametrize(
+    ("low", "high"), [(0.0, 9.0), (2.5, 5.5), (3.0, 5.0), (0.2, 0.4), (8.0, 9.0)]
+)
+def test_what_covers_an_interval_is_the_least_that_does_and_its_margin(low, high, margin):
+    axis = np.arange(10.0)[::-1]  # it may fall
+    indices, starts = grids.covering(axis, low, high, margin)
+    first, last = max(int(np.floor(low)) - margin, 0), min(int(np.ceil(high)) + margin, 9)
+    assert axis[indices].tolist() == list(map(float, range(first, last + 1)))
+    assert starts.tolist() == list(range(last - first + 1))
+
+
+@pytest.mark.parametrize("gap", range(3, 7))
+def test_a_gap_anywhere_inside_an_interval_is_none(gap):
+    axis = np.delete(np.arange(10.0), gap)
+    assert grids.covering(axis, 2.0, 7.0, 0) is None
+    assert grids.covering(axis, gap + 1.0, 9.0, 0) is not None
+    assert grids.covering(axis, -0.5, 2.0, 0) is None
