@@ -91,6 +91,7 @@ WALKS = [
     [START, START, GOAL],
     [START, (2, 1), (2, 3), GOAL],
     [START, (-1, 2), (0, 3), (1, 3), (2, 3), (3, 3), GOAL],  # off the map and back
+    [START, (1, 2), (2, 3), (3, 4), (4, 5), (5, 4), GOAL],  # and over its far edges
     [START, (1.0, 1.5), (2, 2), (3, 3), GOAL],
     [START],
     [],

@@ -323,3 +323,17 @@ def test_misfit_is_the_distance_from_the_neighbours_least_squares_surface():
         fit = np.linalg.lstsq(terms[others], values[y, x][others])[0]
         expected = values[row, column] - terms[~others][0] @ fit
         assert misfit[row, column] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(("sides", "place"), [((5, 5), 12), ((5, 5), 0), ((5, 4), 7), ((2, 5), 4)])
+def test_a_surface_through_the_neighbours_has_the_variance_of_its_prediction(sides, place):
+    residuals, weights, variance, free = quality._fit(sides, place)
+    rng = np.random.default_rng(1)
+    noise = rng.standard_normal((20_000, sides[0] * sides[1]))
+    others = np.delete(noise, place, axis=1)
+    missed = noise[:, place] - others @ weights
+    assert missed.var() == pytest.approx(variance, rel=0.05)
+    assert (((others @ residuals) ** 2).sum(axis=1) / free).mean() == pytest.approx(1.0, rel=0.05)
+    y, x = np.mgrid[: sides[0], : sides[1]]
+    plane = (2.0 + 0.3 * y - 0.7 * x).ravel()
+    assert np.delete(plane, place) @ weights == pytest.approx(plane[place])
