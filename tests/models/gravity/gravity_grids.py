@@ -102,8 +102,9 @@ def write_geotiff(path, values, matrix, crs="EPSG:4326", dtype="float64", **opti
         dataset.write(bands.astype(dtype))
         if units:
             dataset.units = [units] * len(bands)
-        if scale:
-            dataset.scales, dataset.offsets = [scale[0]], [scale[1]]
+        if scale:  # of the last band
+            ones = [1.0] * (len(bands) - 1)
+            dataset.scales, dataset.offsets = [*ones, scale[0]], [*(0 * x for x in ones), scale[1]]
         if descriptions:
             dataset.descriptions = descriptions
     return path

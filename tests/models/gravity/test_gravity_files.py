@@ -165,3 +165,12 @@ def test_load_reads_a_file_on_another_grid(tmp_path):
     )
     assert grid.spacing == 2000.0
     np.testing.assert_allclose(grid.anomaly_mgal, expected_map(41, 2000.0), rtol=0, atol=0.01)
+
+
+def test_each_band_of_a_geotiff_has_its_own_scale(tmp_path):
+    stored = regional_geotiff(
+        tmp_path / "two.tif",
+        change=lambda values: np.stack([np.zeros_like(values), (values - 7.0) / 0.25]),
+        scale=(0.25, 7.0),
+    )
+    check(from_file(stored, *HERE, variable="2"))
