@@ -447,3 +447,10 @@ def test_multiplications_are_those_of_the_loops(n, m):
     inflated = n * (n + 1)
     assert scores.operations(n, m, "single", 5) == plain + again + m + inflated
     assert scores.operations(n, m, "multiple", 5) == plain + again + loops(N, M, M) + inflated
+
+
+def test_mean_nees_is_over_all_runs_and_the_chosen_samples():
+    nees, chosen = np.arange(12.0).reshape(3, 4), np.array([True, False, True, False])
+    one = scores.mean_nees(nees, chosen)
+    assert one.value == nees[:, ::2].mean()
+    assert one.count == 3
