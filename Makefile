@@ -152,11 +152,10 @@ lock: .venv ## resolve requirements.lock anew from pyproject.toml, for all platf
 mutants: .venv ## break 400 signs, numbers and comparisons one by one: does a test notice? Over an hour
 	$(BIN)/python tests/soak/mutants.py 400
 
-bench: .venv ## time the studies against their targets, the kernels in benchmarks/RESULTS.md
+bench: bench-peers ## the same, and the studies against their targets
 	@for file in $(sort $(wildcard benchmarks/bench_*.py)); do $(BIN)/python $$file || exit 1; done
-	@PYTHONPATH=src $(firstword $(wildcard build/peers/bin/python) $(BIN)/python) benchmarks/compare.py
 
-bench-peers: build/peers/.built ## benchmarks/RESULTS.md with all libraries that do the same work
+bench-peers: build/peers/.built ## the kernels beside other libraries: benchmarks/RESULTS.md
 	@PYTHONPATH=src build/peers/bin/python benchmarks/compare.py
 
 build/peers/.built: benchmarks/peers.lock | .venv

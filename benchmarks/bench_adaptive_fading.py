@@ -1,22 +1,11 @@
 """Speed of paper 3: filter steps, the main comparison, the sweep. Nothing passes or fails."""
 
 import numpy as np
-from filterpy.kalman import KalmanFilter
 from timing import best_of
 
 from seanav.filters import adaptive, kalman
 from seanav.studies.adaptive_fading import beyond, run
 from seanav.studies.adaptive_fading.scenario import Scenario
-
-
-def filterpy_steps(case, z, rows):
-    """Run filterpy over one run with the first `rows` measurements, for the ratio."""
-    one = KalmanFilter(dim_x=len(case.B), dim_z=rows)
-    one.F, one.H, one.Q, one.R = case.Phi, case.H[:rows], case.Q, case.R[:rows, :rows]
-    one.P, one.x = case.P0.copy(), np.zeros(len(case.B))
-    for k in range(len(z)):
-        one.predict()
-        one.update(z[k, :rows])
 
 
 def main():
@@ -45,11 +34,6 @@ def main():
         per_step = f"{cpu / steps * 1e9:12.0f}" if target is None else ""
         print(f"{what:40} {wall:10.4f} {cpu:10.4f} {target or '':>11} {per_step}")
     fast = best_of(lambda: kalman.run(*model))[1] / steps
-    for rows in (1, 3):
-        slow = best_of(lambda rows=rows: filterpy_steps(case, z[0], rows), 3)[1] / z.shape[1]
-        print(
-            f"filterpy, {rows} measured: {slow * 1e6:.1f} µs a step, {slow / fast:.0f} times ours"
-        )
     print(f"target: 250 ns per run and step with three measurements; here {fast * 1e9:.0f} ns")
 
 

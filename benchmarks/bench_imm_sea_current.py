@@ -1,7 +1,7 @@
 """Speed of paper 4: filter steps, the whole sweep, memory. Figures to read, nothing passes.
 
-The kernels and filterpy's filters take turns in one process; each figure is the least of its
-turns. `python benchmarks/bench_imm_sea_current.py short` leaves the whole sweep out.
+The kernels take turns; each figure is the least of its turns.
+`python benchmarks/bench_imm_sea_current.py short` leaves the whole sweep out.
 """
 
 import resource
@@ -11,14 +11,13 @@ from pathlib import Path
 
 import attrs
 import numpy as np
-from filterpy.kalman import IMMEstimator, KalmanFilter
 from matplotlib.figure import Figure
 
 from seanav.filters import ins
-from seanav.studies.imm_sea_current import linear, run
+from seanav.studies.imm_sea_current import run
 from seanav.studies.imm_sea_current.scenario import Scenario
 
-TURNS, STEPS = 5, 400
+TURNS = 5
 
 
 def cpu(function):
@@ -26,24 +25,6 @@ def cpu(function):
     start = time.thread_time()
     function()
     return time.thread_time() - start
-
-
-def theirs(scenario, sigma):
-    """Return filterpy's 18-state filter."""
-    Phi, H = linear.model(scenario.path(), scenario.correlation_time_s)
-    one = KalmanFilter(dim_x=18, dim_z=1)
-    one.F, one.H, one.R = Phi[0], H[0][None], np.array([[scenario.log_noise**2]])
-    one.Q = np.diag(linear.process_noise(scenario, 1e-4 * sigma**2))
-    one.P = linear.believed_start(scenario, sigma) + 1e-18 * np.eye(18)
-    return one
-
-
-def steps(filter_):
-    """Advance one of filterpy's filters."""
-    z = np.zeros((1, 1))
-    for _ in range(STEPS):
-        filter_.predict()
-        filter_.update(z)
 
 
 def main():
@@ -55,27 +36,17 @@ def main():
         "AFEKF": (run.AFEKF(scenario, 0.1), 1.5),
         "IMM of two AFEKFs": (run.AFEKF(scenario, 0.1, 0.5), 4.0),
     }
-    pair = [theirs(scenario, 0.1), theirs(scenario, 0.5)]
-    chain = np.array(scenario.transition)
-    references = {
-        "filterpy KF": theirs(scenario, 0.1),
-        "filterpy IMM of two": IMMEstimator(pair, np.array([0.5, 0.5]), chain),
-    }
     for filter_, _ in ours.values():
         run.fly(scenario, sensors, filter_, 0.5)  # compiles
     missions = ins.LANES * scenario.duration_s
-    best = dict.fromkeys([*ours, *references], np.inf)
+    best = dict.fromkeys(ours, np.inf)
     for _ in range(TURNS):
         for name, (filter_, _) in ours.items():
             spent = cpu(lambda f=filter_: run.fly(scenario, sensors, f, 0.5)) / missions
             best[name] = min(best[name], spent)
-        for name, filter_ in references.items():
-            best[name] = min(best[name], cpu(lambda f=filter_: steps(f)) / STEPS)
     print(f"{'18 states, per step':24} {'CPU (µs)':>9} {'target (µs)':>12}")
     for name, spent in best.items():
-        print(f"{name:24} {spent * 1e6:9.2f} {ours[name][1] if name in ours else '':>12}")
-    for mine, other in (("EKF", "filterpy KF"), ("IMM of two AFEKFs", "filterpy IMM of two")):
-        print(f"{mine}: {best[other] / best[mine]:.0f} times faster than {other}")
+        print(f"{name:24} {spent * 1e6:9.2f} {ours[name][1]:>12}")
     print(f"IMM of two against one EKF: {best['IMM of two AFEKFs'] / best['EKF']:.1f} times")
 
     counts, spent = (16, 32, 64, 128), []

@@ -1,11 +1,5 @@
-"""Speed of paper 1: derivation, propagation, the run. Figures to read, nothing passes or fails.
+"""Speed of paper 1: derivation, propagation, the run. Figures to read, nothing passes or fails."""
 
-With the optional package cd-dynamax installed beside this one, its continuous-discrete EKF runs
-the same equation with the same scheme, steps and precision in this process, and the results are
-compared before the times are.
-"""
-
-import os
 import subprocess
 import sys
 import time
@@ -81,63 +75,6 @@ def plain(mean, P):
     return x, C
 
 
-def cd_dynamax():
-    """Return (function that propagates all runs with cd-dynamax's EKF, its result), or None."""
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-    try:
-        import diffrax
-        import jax
-        from cd_dynamax.src.continuous_discrete_nonlinear_gaussian_ssm import inference_ekf
-    except ImportError as missing:
-        print(f"cd-dynamax is not installed ({missing}): no ratio against it")
-        return None
-    from types import SimpleNamespace
-
-    jax.config.update("jax_enable_x64", True)
-    jnp, body = jax.numpy, bodies.TORPEDO
-    M = jnp.array([*body.mass, *body.inertia])
-    a, c, tau = (jnp.array(part) for part in (body.linear, body.cubic, body.inputs))
-
-    def drift(x, u, t):
-        v, w = x[:3], x[3:]
-        force = jnp.cross(M[:3] * v, w)
-        moment = jnp.cross(M[3:] * w, w) + jnp.cross(M[:3] * v, v)
-        push = tau * (1 + 0.5 * jnp.sin(0.3 * t))
-        return (jnp.concatenate([force, moment]) + push - a * x - c * x**3) / M
-
-    class RungeKutta4(diffrax.AbstractERK):
-        """The classical scheme, as ours."""
-
-        tableau = diffrax.ButcherTableau(
-            a_lower=(np.array([0.5]), np.array([0.0, 0.5]), np.array([0.0, 0.0, 1.0])),
-            b_sol=np.array([1 / 6, 1 / 3, 1 / 3, 1 / 6]),
-            b_error=np.zeros(4),
-            c=np.array([0.5, 0.5, 1.0]),
-        )
-        interpolation_cls = diffrax.ThirdOrderHermitePolynomialInterpolation.from_k
-
-        def order(self, terms):
-            return 4
-
-    fixed = {
-        "drift": drift,
-        "diffusion_cov": lambda x, u, t: jnp.eye(6),
-        "diffusion_coefficient": lambda x, u, t: jnp.diag(jnp.array(body.noise)),
-    }
-    dynamics = SimpleNamespace(**{k: SimpleNamespace(f=f) for k, f in fixed.items()})
-    settings = {"solver": RungeKutta4(), "dt0": STEP, "max_steps": round(INTERVAL / STEP) + 2}
-    hyper = inference_ekf.EKFHyperParams(diffeqsolve_settings=settings)
-    whole = SimpleNamespace(dynamics=dynamics)
-
-    def one(mean, P):
-        return inference_ekf._predict(mean, P, whole, 0.0, INTERVAL, None, hyper, warn=False)
-
-    batch = jax.jit(jax.vmap(one))
-    arguments = [jnp.array(part) for part in starts()]
-    ends = [np.asarray(part) for part in batch(*arguments)]
-    return lambda: jax.block_until_ready(batch(*arguments)), ends
-
-
 def main():
     print(f"{'what':52} {'wall':>10} {'CPU':>10} {'target':>10}")
 
@@ -158,17 +95,6 @@ def main():
     line("the same in NumPy (ekf)", wall * 1e6, slow * 1e6, "µs")
     np.testing.assert_allclose(plain(mean[0], P[0])[0], ours("ekf")[1][0][0], rtol=1e-7)
     print(f"ekf against NumPy: {slow * RUNS / cpu['ekf']:.0f} times faster")
-    theirs = cd_dynamax()
-    if theirs is not None:
-        function, ends = theirs
-        for one, other in zip(ends, ours("ekf")[1], strict=True):
-            np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11)
-        wall, used = best_of(function)
-        line(
-            "the same with cd-dynamax (ekf), same batch", wall / RUNS * 1e6, used / RUNS * 1e6, "µs"
-        )
-        times = used / cpu["ekf"]
-        print(f"ekf against cd-dynamax: same result to 1e-9, {times:.0f} times faster (target 30)")
     scenario = Scenario()
     wall, used = best_of(lambda: run.run_all(scenario), 1)
     line(f"study: {scenario.runs} runs, all cases, all filters", wall, used, "s", "45 s")

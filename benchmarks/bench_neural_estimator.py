@@ -1,39 +1,15 @@
-"""Speed of paper 2: teaching, network against Kalman filter, scikit-learn. Nothing passes or fails.
+"""Speed of paper 2: teaching, network against Kalman filter. Nothing passes or fails.
 
 Ratios are taken between things that ran in this one process.
 """
 
-import warnings
-
 import attrs
 import numpy as np
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.neural_network import MLPRegressor
 from timing import best_of
 
-from seanav.filters import blended, neural
+from seanav.filters import blended
 from seanav.studies.neural_estimator import run
 from seanav.studies.neural_estimator.scenario import Scenario
-
-
-def scikit_learn(scenario, x, t):
-    """Teach one network pair after pair for as many epochs, as the delta rule does."""
-    network = MLPRegressor(
-        hidden_layer_sizes=(scenario.hidden,),
-        activation="logistic",
-        solver="sgd",
-        alpha=0.0,
-        batch_size=1,
-        momentum=0.0,
-        learning_rate_init=scenario.rate,
-        max_iter=scenario.max_epochs,
-        n_iter_no_change=scenario.max_epochs,
-        tol=0.0,
-        random_state=0,
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        network.fit(neural.scale(x), neural.scale(t))
 
 
 def main():
@@ -41,8 +17,7 @@ def main():
     z = run.measure(scenario, run.course(scenario, "steady"))
     teacher = run.numerical(scenario, z)
     taught = run.first_teaching(scenario, z, teacher)
-    lesson = slice(scenario.settle, scenario.examination)
-    first, start = (z[0, lesson], teacher[0, lesson]), z[:1, 0]
+    start = z[:1, 0]
     one = attrs.evolve(scenario, runs=2)
     alone = run.first_teaching(one, z[:1], teacher[:1])[0].network
     points = np.ascontiguousarray(np.moveaxis(z[:1], 0, -1))
@@ -54,7 +29,6 @@ def main():
             None,
             lambda: run.examine(scenario, z, teacher, taught, "re-taught"),
         ),
-        ("MLPRegressor, one network", None, lambda: scikit_learn(one, *first)),
         ("network, one run, 200 steps", None, lambda: alone(points)),
         (
             "numerical filter, one run, 200 steps",
@@ -65,12 +39,11 @@ def main():
     print(f"{'what':40} {'wall (s)':>10} {'CPU (s)':>10} {'target (s)':>11}")
     times = {}
     for what, target, function in rows:
-        times[what] = best_of(function, 1 if what.startswith("MLP") else 3)
+        times[what] = best_of(function, 3)
         wall, cpu = times[what]
         print(f"{what:40} {wall:10.4f} {cpu:10.4f} {target if target else '':>11}")
     ours = times["teach 300 networks, H = 100"][1] / 300
-    ratio = times["MLPRegressor, one network"][1] / ours
-    print(f"teaching: {ours * 1e3:.1f} ms CPU a network, MLPRegressor {ratio:.0f} times as long")
+    print(f"teaching: {ours * 1e3:.1f} ms CPU a network")
     step = times["network, one run, 200 steps"][1] / scenario.steps
     kalman = times["numerical filter, one run, 200 steps"][1] / scenario.steps
     share = ours / (scenario.steps - scenario.examination)

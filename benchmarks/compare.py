@@ -1,7 +1,7 @@
 """The kernels beside other libraries, in one interleaved run: benchmarks/RESULTS.md and a picture.
 
     make bench-peers    builds build/peers, where all peers are, and writes the table
-    make bench          writes it too, with the peers that it finds
+    make bench          times the studies, too
 
 The cases take turns, and each figure is the least CPU time of its turns, so that a busy machine
 disturbs all of them alike. Peers that compute the same numbers must show so first. The count is of
@@ -16,12 +16,16 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import numba
 import numpy as np
+from bench_ito_filter import INTERVAL, RUNS, STEP, starts
+from bench_ito_filter import ours as torpedo
 from matplotlib import pyplot as plt
+
+from seanav.models import bodies
 
 ROOT = Path(__file__).resolve().parents[1]
 TURNS = 5
@@ -67,33 +71,31 @@ def linear_filter():
         (lambda: kalman.run(*model), runs * steps),
         kalman_operations(3, 3),
     )
-    if find_spec("filterpy"):
-        from filterpy.kalman import KalmanFilter
+    from filterpy.kalman import KalmanFilter
 
-        def one_by_one():
-            one = KalmanFilter(dim_x=3, dim_z=3)
-            one.F, one.H, one.Q, one.R = case.Phi, case.H, case.Q, case.R
-            one.P, one.x = case.P0.copy(), np.zeros(3)
-            for k in range(400):
-                one.predict()
-                one.update(z[0, k])
-            return one.x
+    def one_by_one():
+        one = KalmanFilter(dim_x=3, dim_z=3)
+        one.F, one.H, one.Q, one.R = case.Phi, case.H, case.Q, case.R
+        one.P, one.x = case.P0.copy(), np.zeros(3)
+        for k in range(400):
+            one.predict()
+            one.update(z[0, k])
+        return one.x
 
-        agree(one_by_one(), ours[0, 399], 1e-9)
-        found.peers["filterpy"] = one_by_one, 400
-    if find_spec("simdkalman"):
-        import simdkalman
+    agree(one_by_one(), ours[0, 399], 1e-9)
+    found.peers["filterpy"] = one_by_one, 400
+    import simdkalman
 
-        many = simdkalman.KalmanFilter(case.Phi, case.Q, case.H, case.R)
+    many = simdkalman.KalmanFilter(case.Phi, case.Q, case.H, case.R)
 
-        # Its first state is that of the first measurement.
-        first = case.Phi @ case.P0 @ case.Phi.T + case.Q
+    # Its first state is that of the first measurement.
+    first = case.Phi @ case.P0 @ case.Phi.T + case.Q
 
-        def vectorised():
-            return many.compute(z, 0, np.zeros(3), first, smoothed=False, filtered=True)
+    def vectorised():
+        return many.compute(z, 0, np.zeros(3), first, smoothed=False, filtered=True)
 
-        agree(vectorised().filtered.states.mean, ours, 1e-9)
-        found.peers["simdkalman"] = vectorised, runs * steps
+    agree(vectorised().filtered.states.mean, ours, 1e-9)
+    found.peers["simdkalman"] = vectorised, runs * steps
     return found
 
 
@@ -114,30 +116,29 @@ def missions():
     single.operations = kalman_operations(16, 1)
     both = Case("IMM of two fading EKFs", flown(run.AFEKF(scenario, 0.1, 0.5)), 0)
     both.operations = 2 * single.operations + 4 * 16 * 17 / 2
-    if find_spec("filterpy"):
-        from filterpy.kalman import IMMEstimator, KalmanFilter
+    from filterpy.kalman import IMMEstimator, KalmanFilter
 
-        Phi, H = linear.model(scenario.path(), scenario.correlation_time_s)
+    Phi, H = linear.model(scenario.path(), scenario.correlation_time_s)
 
-        def theirs(sigma):
-            one = KalmanFilter(dim_x=18, dim_z=1)
-            one.F, one.H, one.R = Phi[0], H[0][None], np.array([[scenario.log_noise**2]])
-            one.Q = np.diag(linear.process_noise(scenario, 1e-4 * sigma**2))
-            one.P = linear.believed_start(scenario, sigma) + 1e-18 * np.eye(18)
-            return one
+    def theirs(sigma):
+        one = KalmanFilter(dim_x=18, dim_z=1)
+        one.F, one.H, one.R = Phi[0], H[0][None], np.array([[scenario.log_noise**2]])
+        one.Q = np.diag(linear.process_noise(scenario, 1e-4 * sigma**2))
+        one.P = linear.believed_start(scenario, sigma) + 1e-18 * np.eye(18)
+        return one
 
-        def stepped(filter_):
-            def call():
-                for _ in range(200):
-                    filter_.predict()
-                    filter_.update(np.zeros((1, 1)))
+    def stepped(filter_):
+        def call():
+            for _ in range(200):
+                filter_.predict()
+                filter_.update(np.zeros((1, 1)))
 
-            return call, 200
+        return call, 200
 
-        pair = [theirs(0.1), theirs(0.5)]
-        mixed = IMMEstimator(pair, np.array([0.5, 0.5]), np.array(scenario.transition))
-        single.peers["filterpy (no INS)"] = stepped(theirs(0.1))
-        both.peers["filterpy (no INS)"] = stepped(mixed)
+    pair = [theirs(0.1), theirs(0.5)]
+    mixed = IMMEstimator(pair, np.array([0.5, 0.5]), np.array(scenario.transition))
+    single.peers["filterpy (no INS)"] = stepped(theirs(0.1))
+    both.peers["filterpy (no INS)"] = stepped(mixed)
     return [single, both]
 
 
@@ -154,92 +155,90 @@ def mechanisation():
         (lambda: inertial.mechanise(position, v_n, q, theta, dv, dt), steps),
         120,
     )
-    if find_spec("pyins"):
-        import pandas as pd
-        import pyins.strapdown
-        from pyins.util import LLA_COLS, RPH_COLS, VEL_COLS
+    import pandas as pd
+    import pyins.strapdown
+    from pyins.util import LLA_COLS, RPH_COLS, VEL_COLS
 
-        columns = ["theta_x", "theta_y", "theta_z", "dv_x", "dv_y", "dv_z"]
-        increments = pd.DataFrame(np.hstack([theta, dv]), columns=columns)
-        increments.insert(0, "dt", dt)
-        increments.index = dt * (1 + np.arange(steps))
-        degrees = [*np.degrees(position[:2]), 0.0]
-        start = [*degrees, *v_n, 0.0, 0.0, 0.0]
-        pva = pd.Series(start, index=[*LLA_COLS, *VEL_COLS, *RPH_COLS], name=0.0)
+    columns = ["theta_x", "theta_y", "theta_z", "dv_x", "dv_y", "dv_z"]
+    increments = pd.DataFrame(np.hstack([theta, dv]), columns=columns)
+    increments.insert(0, "dt", dt)
+    increments.index = dt * (1 + np.arange(steps))
+    degrees = [*np.degrees(position[:2]), 0.0]
+    start = [*degrees, *v_n, 0.0, 0.0, 0.0]
+    pva = pd.Series(start, index=[*LLA_COLS, *VEL_COLS, *RPH_COLS], name=0.0)
 
-        def theirs():
-            return pyins.strapdown.Integrator(pva, with_altitude=False).integrate(increments)
+    def theirs():
+        return pyins.strapdown.Integrator(pva, with_altitude=False).integrate(increments)
 
-        mine = inertial.mechanise(position, v_n, q, theta, dv, dt)[-1, :4]
-        agree(theirs()[["lat", "lon"]].to_numpy()[-1], np.degrees(mine[:2]), 1e-5)
-        found.peers["python-ins"] = theirs, steps
+    mine = inertial.mechanise(position, v_n, q, theta, dv, dt)[-1, :4]
+    agree(theirs()[["lat", "lon"]].to_numpy()[-1], np.degrees(mine[:2]), 1e-5)
+    found.peers["python-ins"] = theirs, steps
     return found
 
 
 def continuous_discrete():
-    """Filter the rolling ship of paper 1's own-system section, EKF, 150 runs."""
-    from seanav.studies.ito_filter import own_sde
-    from seanav.studies.ito_filter.scenario import Scenario
-
-    scenario = Scenario()
-    own = own_sde.read(scenario)
-    truth = own_sde.simulate(scenario, own)
-    z = own_sde.measure(scenario, own, truth)
-    parts = round(own.interval / own.step)
-    found = Case(
-        "continuous-discrete EKF, 2 states, 20 parts",
-        (lambda: own_sde.estimate(own, truth, z, "ekf", True), z.shape[0] * z.shape[1]),
-        parts * 4 * (2 * 8 + 20) + kalman_operations(2, 1) / 2,
+    """Propagate the torpedo of paper 1, EKF, one interval: same scheme, steps and precision."""
+    parts = round(INTERVAL / STEP)
+    (ours, mine), (theirs, other) = torpedo("ekf"), cd_dynamax()
+    for one, two in zip(other, mine, strict=True):
+        agree(one, two, 1e-9)
+    return Case(
+        f"continuous-discrete EKF, 6 states, {parts} parts",
+        (ours, RUNS),
+        parts * 4 * (2 * 6**3 + 60),
+        {"cd-dynamax": (theirs, RUNS)},
     )
-    if find_spec("cd_dynamax"):
-        free = own_sde.estimate(own, truth, z, "ekf", False)
-        # Its start is at the first measurement.
-        found.peers["cd-dynamax"] = theirs, _ = jax_filter(own, z, free.mean[0, 1], free.P[0, 1])
-        agree(np.asarray(theirs()), own_sde.estimate(own, truth, z, "ekf", True).mean[:, 1:], 1e-4)
-    return found
 
 
-def jax_filter(own, z, mean, P):
-    """Return the same filter of cd-dynamax, compiled and over all runs at once."""
+def cd_dynamax():
+    """Return (function that propagates all runs with cd-dynamax's EKF, its result)."""
+    import diffrax
     import jax
+    from cd_dynamax.src.continuous_discrete_nonlinear_gaussian_ssm import inference_ekf
 
     jax.config.update("jax_enable_x64", True)
-    import jax.numpy as jnp
-    from cd_dynamax.dynamax.linear_gaussian_ssm.inference import ParamsLGSSMInitial
-    from cd_dynamax.src.continuous_discrete_nonlinear_gaussian_ssm import cdnlgssm_utils as utils
-    from cd_dynamax.src.continuous_discrete_nonlinear_gaussian_ssm import inference_ekf as ekf
+    jnp, body = jax.numpy, bodies.TORPEDO
+    M = jnp.array([*body.mass, *body.inertia])
+    a, c, tau = (jnp.array(part) for part in (body.linear, body.cubic, body.inputs))
 
-    named = dict(zip((x.name for x in own.model.parameters), own.parameters, strict=True))
-    w, k, d, e, s = (named[name] for name in "wkdes")
+    def drift(x, u, t):
+        v, w = x[:3], x[3:]
+        force = jnp.cross(M[:3] * v, w)
+        moment = jnp.cross(M[3:] * w, w) + jnp.cross(M[:3] * v, v)
+        push = tau * (1 + 0.5 * jnp.sin(0.3 * t))
+        return (jnp.concatenate([force, moment]) + push - a * x - c * x**3) / M
 
-    class Drift:
-        def f(self, x, u=None, t=None):
-            roll, rate = x
-            return jnp.array([rate, -(w**2) * (roll - k * roll**3) - d * rate - e * rate**3])
+    class RungeKutta4(diffrax.AbstractERK):
+        """The classical scheme, as ours."""
 
-    class Rate:
-        def f(self, x, u=None, t=None):
-            return x[1:]
+        tableau = diffrax.ButcherTableau(
+            a_lower=(np.array([0.5]), np.array([0.0, 0.5]), np.array([0.0, 0.0, 1.0])),
+            b_sol=np.array([1 / 6, 1 / 3, 1 / 3, 1 / 6]),
+            b_error=np.zeros(4),
+            c=np.array([0.5, 0.5, 1.0]),
+        )
+        interpolation_cls = diffrax.ThirdOrderHermitePolynomialInterpolation.from_k
 
-    constant = utils.LearnableMatrix
-    start = ParamsLGSSMInitial(
-        mean=utils.LearnableVector(jnp.array(mean)), cov=constant(jnp.array(P))
-    )
-    dynamics = utils.ParamsCDNLGSSMDynamics(
-        Drift(), constant(jnp.diag(jnp.array([0.0, s]))), constant(jnp.eye(2)), 1.0
-    )
-    emissions = utils.ParamsCDNLGSSMEmissions(Rate(), constant(jnp.array(own.R)))
-    params = utils.ParamsCDNLGSSM(start, dynamics, emissions)
-    times = jnp.arange(1, z.shape[1] + 1)[:, None] * own.interval
-    settings = ekf.EKFHyperParams(diffeqsolve_settings={"dt0": own.step})
+        def order(self, terms):
+            return 4
 
-    def one(record):
-        return ekf.extended_kalman_filter(
-            params, record, times, settings, output_fields=["filtered_means"], warn=False
-        ).filtered_means
+    fixed = {
+        "drift": drift,
+        "diffusion_cov": lambda x, u, t: jnp.eye(6),
+        "diffusion_coefficient": lambda x, u, t: jnp.diag(jnp.array(body.noise)),
+    }
+    dynamics = SimpleNamespace(**{k: SimpleNamespace(f=f) for k, f in fixed.items()})
+    settings = {"solver": RungeKutta4(), "dt0": STEP, "max_steps": round(INTERVAL / STEP) + 2}
+    hyper = inference_ekf.EKFHyperParams(diffeqsolve_settings=settings)
+    whole = SimpleNamespace(dynamics=dynamics)
 
-    many, records = jax.jit(jax.vmap(one)), jnp.array(z)
-    return (lambda: many(records).block_until_ready()), z.shape[0] * z.shape[1]
+    def one(mean, P):
+        return inference_ekf._predict(mean, P, whole, 0.0, INTERVAL, None, hyper, warn=False)
+
+    batch = jax.jit(jax.vmap(one))
+    arguments = [jnp.array(part) for part in starts()]
+    ends = [np.asarray(part) for part in batch(*arguments)]
+    return lambda: jax.block_until_ready(batch(*arguments)), ends
 
 
 def network():
@@ -260,21 +259,18 @@ def network():
         (lambda: run.first_teaching(scenario, z, teacher), epochs * pairs),
         12 * scenario.hidden,
     )
-    if find_spec("sklearn"):
-        from sklearn.neural_network import MLPRegressor
+    from sklearn.neural_network import MLPRegressor
 
-        x, t = neural.scale(z[0, lesson]), neural.scale(teacher[0, lesson])
-        options = {"activation": "logistic", "solver": "sgd", "alpha": 0.0, "momentum": 0.0}
-        options |= {"batch_size": 1, "max_iter": 20, "n_iter_no_change": 20, "tol": 0.0}
+    x, t = neural.scale(z[0, lesson]), neural.scale(teacher[0, lesson])
+    options = {"activation": "logistic", "solver": "sgd", "alpha": 0.0, "momentum": 0.0}
+    options |= {"batch_size": 1, "max_iter": 20, "n_iter_no_change": 20, "tol": 0.0}
 
-        def theirs():
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                MLPRegressor(hidden_layer_sizes=(scenario.hidden,), random_state=0, **options).fit(
-                    x, t
-                )
+    def theirs():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            MLPRegressor(hidden_layer_sizes=(scenario.hidden,), random_state=0, **options).fit(x, t)
 
-        found.peers["scikit-learn"] = theirs, 20 * pairs
+    found.peers["scikit-learn"] = theirs, 20 * pairs
     return found
 
 
@@ -321,11 +317,10 @@ def main():
     for case in cases:
         ours = least[case.name, "seanav"]
         bound = case.operations * rate
-        for who in case.peers or ("no peer here: make bench-peers",):
-            theirs = least.get((case.name, who), math.nan)
+        for who in case.peers:
+            theirs = least[case.name, who]
             rows.append((case.name, ours, bound, ours / bound, who, theirs, theirs / ours))
-            if case.peers:
-                bars[f"{case.name}: {who}"] = theirs / ours
+            bars[f"{case.name}: {who}"] = theirs / ours
     lines = [
         "# Speed",
         "",
@@ -347,13 +342,12 @@ def main():
     here = ROOT / "benchmarks"
     (here / "RESULTS.md").write_text(text, encoding="utf-8")
     print(text)
-    if bars:
-        fig, axes = plt.subplots(figsize=(7.2, 0.6 + 0.36 * len(bars)), layout="constrained")
-        axes.barh(list(bars), list(bars.values()), color="0.45")
-        axes.set(xscale="log", xlabel="CPU time of the peer's step over that of ours")
-        axes.axvline(1, color="k")
-        axes.invert_yaxis()
-        fig.savefig(here / "RESULTS.png", dpi=100)
+    fig, axes = plt.subplots(figsize=(7.2, 0.6 + 0.36 * len(bars)), layout="constrained")
+    axes.barh(list(bars), list(bars.values()), color="0.45")
+    axes.set(xscale="log", xlabel="CPU time of the peer's step over that of ours")
+    axes.axvline(1, color="k")
+    axes.invert_yaxis()
+    fig.savefig(here / "RESULTS.png", dpi=100)
 
 
 if __name__ == "__main__":

@@ -136,8 +136,6 @@ def _cells(root, given):
 def _new(root, given):
     for path in runner.new(root, given.stem):
         print(path.relative_to(root))
-    importlib.invalidate_caches()
-    _cells(root, argparse.Namespace(paper=[given.stem]))
     return 0
 
 

@@ -20,16 +20,8 @@ from pathlib import Path
 # programs (styles, start-up files, other kernels, other libraries' data) changes no result.
 PASSED_ON = (
     *("PATH", "HOME", "USER", "LOGNAME", "TMPDIR", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH"),
-    *(
-        "SEANAV_*",
-        "OMP_*",
-        "OPENBLAS_*",
-        "MKL_*",
-        "NPY_*",
-        "NUMBA_*",
-        "MPLCONFIGDIR",
-        "DASK_CONFIG",
-    ),
+    *("SEANAV_*", "OMP_*", "OPENBLAS_*", "MKL_*", "NPY_*", "NUMBA_*", "MPLCONFIGDIR"),
+    "DASK_CONFIG",
 )
 
 

@@ -34,11 +34,14 @@ def new(root: Path, stem: str) -> list[Path]:
     Raises
     ------
     Refused
-        If `stem` is no such name, or its number, its name or one of the files is taken.
+        If `stem` is no such name, `root` is no checkout, or its number, its name or one of the
+        files is taken.
     """
     fits = re.fullmatch(r"([1-9][0-9]*)_([a-z][a-z0-9_]*)", stem)
     if not fits:
         raise Refused(f"{stem!r} must be a number and a name in small letters, like 6_wave_filter")
+    if not (root / "notebooks").is_dir():
+        raise Refused(f"{root} is no checkout: a new paper belongs beside its notebooks")
     number, name = fits.groups()
     if taken := [paper for paper in papers(root) if paper.partition("_")[0] == number]:
         raise Refused(f"{stem}: paper {number} is {taken[0]}")
@@ -59,11 +62,8 @@ def _notebook(text):
     for number, part in enumerate(re.split(r"^# %% ", text, flags=re.M)[1:]):
         kind, _, source = part.partition("\n")
         make = new_markdown_cell if kind == "markdown" else new_code_cell
-        cell = make(source.strip(), id=f"cell-{number:03d}")
-        cell.metadata["tags"] = kind.split()[1:]
-        if not cell.metadata["tags"]:
-            del cell.metadata["tags"]
-        cells.append(cell)
+        tags = {"tags": kind.split()[1:]} if " " in kind else {}
+        cells.append(make(source.strip(), id=f"cell-{number:03d}", metadata=tags))
     seconds = {"seanav": {"expected_seconds": {"full": 10, "quick": 10}}}
     book = new_notebook(cells=cells, metadata=KERNEL | seconds)
     return nbformat.writes(book) + "\n"
