@@ -93,6 +93,12 @@ def test_local_functions_and_their_arrays_travel_and_come_back_in_order(machines
     assert {pid for *_, pid in found} == {p.pid for p in machines.processes[1:]}
 
 
+def test_what_a_function_holds_may_be_large(machines):
+    machines.join()
+    whole = np.arange(2_000_000.0)  # 16 MB: a warning here would stand in a notebook
+    assert parallel_map(lambda k: float(whole[k]), [3, 1_999_999]) == [3.0, 1_999_999.0]
+
+
 def test_a_worker_that_dies_costs_time_and_no_result(machines):
     machines.join()
     machines.join()

@@ -9,6 +9,7 @@ import hashlib
 import logging
 import os
 import platform
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -78,7 +79,10 @@ def results(function: Callable, items: Sequence, where: str) -> Iterator:
     from distributed import KilledWorker, wait
 
     _check(client, where)
-    with _gone(where):
+    with _gone(where), warnings.catch_warnings():
+        # What is scattered beforehand is lost with its worker; what is sent with the batches
+        # is sent again.
+        warnings.filterwarnings("ignore", "Sending large graph")
         futures = deque(client.map(partial(_computed, function, sources()), items, pure=False))
     while futures:
         future = futures.popleft()  # the cluster forgets a result that was fetched
